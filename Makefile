@@ -1,0 +1,74 @@
+# The two commands that matter: `make run` and `make test`. Everything they install lies in .venv and node_modules.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMPS := .stamps
+RUN_ARGS ?=
+
+.PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser
+
+run: python-setup web-setup ## set everything up and start the whole system on a virtual ESP32
+	$(BIN)/bluerov-slam run --simulate $(RUN_ARGS)
+
+setup: python-setup web-setup system-setup
+
+python-setup: $(STAMPS)/python
+web-setup: $(STAMPS)/web
+system-setup: $(STAMPS)/system
+
+$(STAMPS)/python: requirements/dev.lock pyproject.toml
+	@mkdir -p $(STAMPS)
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements/dev.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(STAMPS)/web: package.json package-lock.json scripts/vendor.mjs
+	@mkdir -p $(STAMPS)
+	npm ci --no-audit --no-fund --silent
+	node scripts/vendor.mjs
+	@touch $@
+
+$(STAMPS)/system: scripts/install-system-packages
+	@mkdir -p $(STAMPS)
+	scripts/install-system-packages
+	@touch $@
+
+check: python-setup web-setup ## format, lint, types, import rule
+	$(BIN)/ruff format --check src tests bench
+	$(BIN)/ruff check src tests bench
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	npm run --silent check
+
+format: python-setup web-setup
+	$(BIN)/ruff format src tests bench
+	$(BIN)/ruff check --fix src tests bench
+	npm run --silent format
+
+test: setup check test-python test-js test-browser ## everything that must hold, in under ten minutes
+
+test-python:
+	$(BIN)/pytest -n 2 -m "not browser and not long"
+
+test-js:
+	npm run --silent test
+
+test-browser:
+	$(BIN)/pytest -m "browser and not long" tests/browser
+
+test-long: setup ## image build and run, armv7 install, long fuzzing and soak
+	scripts/test-long
+
+bench: setup ## one table, and bench/results.json
+	$(BIN)/python -m bench
+
+lock: ## pin anew (needs uv)
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 pyproject.toml -o requirements/runtime.lock
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra xtf --group dev pyproject.toml -o requirements/dev.lock
+	npm install --package-lock-only
+
+clean:
+	rm -rf $(VENV) node_modules web/vendor $(STAMPS) build dist var .pytest_cache .mypy_cache .ruff_cache .hypothesis
