@@ -53,6 +53,14 @@ class AckResult(IntEnum):
     BUSY = 4
 
 
+class EventLevel(StrEnum):
+    """How much an event matters."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
 @dataclass(frozen=True, slots=True)
 class SensorSample:
     """One SENSORS frame. Validity is in the values: what the wire marks unavailable is None here.
@@ -234,6 +242,31 @@ class UnknownFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkBytes:
+    """Bytes as one read of the link returned them: what a recording must hold before anything else."""
+
+    data: bytes
+    arrived_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkBytesSent:
+    """One whole AA55 frame sent down to the ESP32."""
+
+    data: bytes
+    sent_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something a user should be able to read later: a change of state, a fault, a clock step."""
+
+    at_s: float
+    level: EventLevel
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleAttitude:
     """ATTITUDE of the autopilot."""
 
@@ -302,6 +335,9 @@ Record = (
     | SonarFrames
     | Ping
     | UnknownFrame
+    | LinkBytes
+    | LinkBytesSent
+    | Event
     | VehicleAttitude
     | VehicleServoOutput
     | VehicleBattery
