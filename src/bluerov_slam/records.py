@@ -23,7 +23,7 @@ class Channel(StrEnum):
     B = "B"
 
     @property
-    def index(self) -> int:
+    def index(self) -> int:  # type: ignore[override]  # str.index has no use on a channel
         """0 for A, 1 for B: the number the wire uses."""
         return 0 if self is Channel.A else 1
 
