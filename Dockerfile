@@ -1,7 +1,7 @@
 # One image, two services, three platforms (linux/arm/v7, linux/arm64, linux/amd64), the same recipe on each:
 # Debian's own Python 3.11, NumPy, lz4 and zstandard (no armv7 wheels exist for these), pinned wheels for the rest.
 
-FROM docker.io/library/node:20-slim AS web
+FROM --platform=$BUILDPLATFORM docker.io/library/node:20-slim AS web
 WORKDIR /build
 COPY package.json package-lock.json .npmrc ./
 RUN npm ci --omit=dev --no-audit --no-fund
@@ -31,7 +31,8 @@ RUN /opt/bluerov-slam/bin/pip install --no-cache-dir --no-deps --no-build-isolat
  && cd /opt/bluerov-slam/lib/python3.11/site-packages/pymavlink \
  && find dialects/v10 dialects/v20 -type f ! -name '__init__.py' ! -name 'common.*' ! -name 'ardupilotmega.*' -delete \
  && rm -rf dialects/v09 message_definitions \
- && /opt/bluerov-slam/bin/python -m compileall -q /opt/bluerov-slam/lib
+ && /opt/bluerov-slam/bin/pip uninstall --yes pip setuptools \
+ && python3 -m compileall -q /opt/bluerov-slam/lib
 
 FROM docker.io/library/debian:bookworm-slim
 RUN apt-get update \
