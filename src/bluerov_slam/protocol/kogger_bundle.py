@@ -1,0 +1,284 @@
+"""KOGGER_COMPRESSED (AA55 type 0x04): several decimated chart chunks of one ping in one payload, and back.
+
+    u8 channel | u8 flags | u8 decimation | u8 chunk count | u8 ping number | u32 t_us of the ping's first byte
+    flags: bits 0-1 coding (0 mean, 1 peak, 2 reserved), 2-4 chart version (0 or 1), 5 MARK seen, 6 last of this ping
+    chunk: u16 seqOffset | u16 sampleResol | u16 absOffset | u8 samples before decimation | decimated bytes
+
+Offsets and counts are those of the chart frame before decimation, so that KoggerApp and the viewer need not know: every
+decimated sample is held over the samples it stands for. Version 1 charts alternate between two sub-channels; each is
+decimated by itself and the results alternate again.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bluerov_slam.protocol.checksums import kogger_mod256_rows
+from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, FrameType, KoggerId
+from bluerov_slam.protocol.ping_assembly import MAX_PING_BYTES, ChartChunk
+from bluerov_slam.records import Channel
+
+PAYLOAD_LIMIT_115200 = 224
+PAYLOAD_LIMIT_921600 = 512
+MAX_DECIMATION = 8
+MAX_CHUNK_SAMPLES = 249
+"""LENGTH 255 less the six header bytes of a chart."""
+
+_HEADER = struct.Struct("<5BI")
+_CHUNK = struct.Struct("<3HB")
+_CHART_FRAME = struct.Struct("<4B3H")  # behind the sync
+_CHANNELS = (Channel.A, Channel.B)
+_MARK_BIT = 1 << 5
+_LAST_BIT = 1 << 6
+_RESERVED_BIT = 1 << 7
+
+
+class Coding(IntEnum):
+    """How the samples of one decimation group became one byte."""
+
+    MEAN = 0
+    PEAK = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """One expanded payload: chunks at the original sample count, and the BB55 chart frames that carry them (route 0)."""
+
+    channel: Channel
+    coding: Coding
+    version: int
+    mark: bool
+    last_of_ping: bool
+    decimation: int
+    ping_number: int
+    t_us: int
+    chunks: tuple[ChartChunk, ...]
+    frames: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownLayout:
+    """A payload whose arithmetic does not add up: another firmware's layout, to be counted and named."""
+
+    reason: str
+
+
+def expand(payload: bytes) -> Bundle | UnknownLayout:
+    """Undo the compression as far as it goes. Never raises for any bytes."""
+    if len(payload) < _HEADER.size:
+        return UnknownLayout(f"{len(payload)} bytes, expected at least {_HEADER.size}")
+    channel, flags, decimation, count, ping_number, t_us = _HEADER.unpack_from(payload)
+    version, coding = flags >> 2 & 7, flags & 3
+    if channel > 1 or coding > Coding.PEAK or version > 1 or flags & _RESERVED_BIT:
+        return UnknownLayout(f"channel {channel}, flags 0x{flags:02x}")
+    if not 1 <= decimation <= MAX_DECIMATION or not count:
+        return UnknownLayout(f"decimation {decimation}, {count} chunks")
+    parsed = _parse_chunks(payload, count, decimation, version)
+    if isinstance(parsed, UnknownLayout):
+        return parsed
+    mark = bool(flags & _MARK_BIT)
+    frames = _chart_frames(payload, parsed, decimation, version, mark)
+    return Bundle(
+        _CHANNELS[channel],
+        Coding(coding),
+        version,
+        mark,
+        bool(flags & _LAST_BIT),
+        decimation,
+        ping_number,
+        t_us,
+        tuple([ChartChunk(c[0], c[1], c[2], frame[12:-2]) for c, frame in zip(parsed, frames, strict=True)]),
+        frames,
+    )
+
+
+_ParsedChunk = tuple[
+    int, int, int, int, int, int
+]  # seq offset, resolution, first sample, samples, data start, data end
+
+
+def _parse_chunks(payload: bytes, count: int, decimation: int, version: int) -> list[_ParsedChunk] | UnknownLayout:
+    """Where each chunk lies; they must fill the payload exactly and follow each other inside one ping."""
+    parsed: list[_ParsedChunk] = []
+    end = _HEADER.size
+    filled = 0
+    resolution_mm = first_sample = -1
+    for index in range(count):
+        start = end + _CHUNK.size
+        if start > len(payload):
+            return UnknownLayout(f"chunk {index} of {count} begins behind the end")
+        seq_offset, own_resolution_mm, own_first_sample, samples = _CHUNK.unpack_from(payload, end)
+        if index == 0:
+            resolution_mm, first_sample = own_resolution_mm, own_first_sample
+        elif own_resolution_mm != resolution_mm or own_first_sample != first_sample or seq_offset < filled:
+            return UnknownLayout(f"chunk {index} belongs to another ping than chunk 0")
+        filled = seq_offset + samples
+        if not 1 <= samples <= MAX_CHUNK_SAMPLES or not resolution_mm or filled >= MAX_PING_BYTES:
+            return UnknownLayout(f"chunk {index}: offset {seq_offset}, {samples} samples of {resolution_mm} mm")
+        end = start + _decimated_size(samples, decimation, version)
+        parsed.append((seq_offset, resolution_mm, first_sample, samples, start, end))
+    if end != len(payload):
+        return UnknownLayout(f"{len(payload)} bytes, the chunks make {end}")
+    return parsed
+
+
+def _chart_frames(
+    payload: bytes, parsed: list[_ParsedChunk], decimation: int, version: int, mark: bool
+) -> tuple[bytes, ...]:
+    """BB55 chart frames of the held samples, the checksums of all of them in one go."""
+    mode = FrameType.CONTENT | version << 3 | mark << 6
+    data = np.frombuffer(payload, np.uint8)
+    width = _CHART_FRAME.size + max([chunk[3] for chunk in parsed])
+    # Rows end together, because a byte's weight in the second sum is its distance from the end; zeros weigh nothing.
+    rows = np.zeros((len(parsed), width), np.uint8)
+    flat = memoryview(rows).cast("B")
+    starts = []
+    for index, (seq_offset, resolution_mm, first_sample, samples, start, end) in enumerate(parsed):
+        head = (index + 1) * width - samples - _CHART_FRAME.size
+        _CHART_FRAME.pack_into(
+            flat, head, 0, mode, KoggerId.CHART, samples + 6, seq_offset, resolution_mm, first_sample
+        )
+        rows[index, width - samples :] = hold(data[start:end], samples, decimation, version)
+        starts.append(head)
+    checks = kogger_mod256_rows(rows).tobytes()
+    return tuple(
+        [
+            b"%b%b%b" % (KOGGER_SYNC, flat[head : (index + 1) * width], checks[2 * index : 2 * index + 2])
+            for index, head in enumerate(starts)
+        ]
+    )
+
+
+def hold(decimated: NDArray[np.uint8], samples: int, decimation: int, version: int = 0) -> NDArray[np.uint8]:
+    """`samples` bytes, each decimated one repeated over those it stands for."""
+    if version == 0:
+        return decimated.repeat(decimation)[:samples]
+    held = np.empty(samples, np.uint8)
+    for sub_channel in (0, 1):
+        own = held[sub_channel::2]
+        own[:] = decimated[sub_channel::2].repeat(decimation)[: own.size]
+    return held
+
+
+def decimate(samples: bytes, decimation: int, coding: Coding = Coding.MEAN, version: int = 0) -> bytes:
+    """One byte for every `decimation` samples; the last group may be shorter. Means round half up."""
+    values = np.frombuffer(samples, np.uint8)
+    if version == 0:
+        return _decimate_one(values, decimation, coding).tobytes()
+    first, second = (_decimate_one(values[sub_channel::2], decimation, coding) for sub_channel in (0, 1))
+    merged = np.empty(first.size + second.size, np.uint8)
+    merged[0::2], merged[1::2] = first, second
+    return merged.tobytes()
+
+
+def _decimate_one(values: NDArray[np.uint8], decimation: int, coding: Coding) -> NDArray[np.uint8]:
+    if values.size == 0:
+        return values
+    starts = np.arange(0, values.size, decimation)
+    if coding is Coding.PEAK:
+        return np.maximum.reduceat(values, starts)
+    sizes = np.minimum(decimation, values.size - starts)
+    sums = np.add.reduceat(values, starts, dtype=np.int64)
+    return ((2 * sums + sizes) // (2 * sizes)).astype(np.uint8)
+
+
+def _decimated_size(samples: int, decimation: int, version: int) -> int:
+    if version == 0:
+        return -(-samples // decimation)
+    first = (samples + 1) // 2
+    return -(-first // decimation) - (-(samples - first) // decimation)
+
+
+class BundlePacker:
+    """Chart chunks of one sonar channel to 0x04 payloads, as the firmware does it: one chunk at a time.
+
+    A payload goes out when the next chunk does not fit, and when the ping ends. Chunks larger than a payload are cut
+    at a group boundary.
+    """
+
+    def __init__(
+        self,
+        channel: Channel,
+        *,
+        decimation: int = 4,
+        coding: Coding = Coding.MEAN,
+        payload_limit: int = PAYLOAD_LIMIT_115200,
+    ) -> None:
+        self.channel = channel
+        self.decimation = decimation
+        self.coding = coding
+        self.payload_limit = payload_limit
+        self._ping: tuple[int, int, int, bool] | None = None
+        self._chunks: list[bytes] = []
+        self._size = _HEADER.size
+
+    def begin(self, ping_number: int, t_us: int, *, version: int = 0, mark: bool = False) -> None:
+        """Start a ping; the one before must have been ended. Number and time wrap as their fields do."""
+        self._ping = (ping_number & 0xFF, t_us & 0xFFFFFFFF, version, mark)
+        self._chunks = []
+        self._size = _HEADER.size
+
+    def add(self, chunk: ChartChunk) -> list[bytes]:
+        """Take the next chunk of the ping; return the payloads that are now full."""
+        payloads: list[bytes] = []
+        for piece in self._pieces(chunk):
+            if self._chunks and self._size + len(piece) > self.payload_limit:
+                payloads.append(self._payload(last=False))
+            self._chunks.append(piece)
+            self._size += len(piece)
+        return payloads
+
+    def end(self) -> list[bytes]:
+        """The ping is over: the payload that carries its last chunks, flagged as last."""
+        return [self._payload(last=True)] if self._chunks else []
+
+    def _pieces(self, chunk: ChartChunk) -> Iterable[bytes]:
+        version = self._version
+        group = self.decimation * (2 if version == 1 else 1)
+        room = (self.payload_limit - _HEADER.size - _CHUNK.size) * self.decimation // group * group
+        most = min(room, MAX_CHUNK_SAMPLES // group * group)
+        size = len(chunk.samples)
+        if size <= MAX_CHUNK_SAMPLES and _decimated_size(size, self.decimation, version) * self.decimation <= room:
+            most = size
+        for start in range(0, size, most):
+            part = chunk.samples[start : start + most]
+            header = _CHUNK.pack(chunk.seq_offset + start, chunk.resolution_mm, chunk.first_sample, len(part))
+            yield header + decimate(part, self.decimation, self.coding, version)
+
+    @property
+    def _version(self) -> int:
+        return self._ping[2] if self._ping else 0
+
+    def _payload(self, *, last: bool) -> bytes:
+        ping_number, t_us, version, mark = self._ping or (0, 0, 0, False)
+        flags = self.coding | version << 2 | mark * _MARK_BIT | last * _LAST_BIT
+        header = _HEADER.pack(self.channel.index, flags, self.decimation, len(self._chunks), ping_number, t_us)
+        payload = header + b"".join(self._chunks)
+        self._chunks = []
+        self._size = _HEADER.size
+        return payload
+
+
+def compress_ping(
+    channel: Channel,
+    chunks: Iterable[ChartChunk],
+    *,
+    ping_number: int,
+    t_us: int,
+    version: int = 0,
+    mark: bool = False,
+    decimation: int = 4,
+    coding: Coding = Coding.MEAN,
+    payload_limit: int = PAYLOAD_LIMIT_115200,
+) -> list[bytes]:
+    """The 0x04 payloads of one whole ping, the last one flagged."""
+    packer = BundlePacker(channel, decimation=decimation, coding=coding, payload_limit=payload_limit)
+    packer.begin(ping_number, t_us, version=version, mark=mark)
+    payloads = [payload for chunk in chunks for payload in packer.add(chunk)]
+    return payloads + packer.end()
