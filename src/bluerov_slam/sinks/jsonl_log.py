@@ -1,0 +1,77 @@
+"""The plain sensor log: one line per SENSORS frame, the seed's JSON plus `t_mono` and `t_unix`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from bluerov_slam.protocol.sensor_json import sensor_json
+from bluerov_slam.records import SensorSample
+from bluerov_slam.sinks.append_file import AppendFile
+
+# A sonar counts as alive while its packet counter advanced within this time (wire-protocol.md section 2).
+ALIVE_S = 2.0
+
+
+class SensorLines:
+    """Turns samples into lines; remembers the packet counters, which tell whether a sonar is alive."""
+
+    def __init__(self, wall_offset_ns: int) -> None:
+        self._wall_offset_s = wall_offset_ns * 1e-9
+        self._seen: dict[str, tuple[int, float | None]] = {}
+
+    def line(self, sample: SensorSample) -> bytes:
+        """One line with its newline."""
+        a_alive = self._alive("A", sample.a_packets, sample.arrived_s)
+        b_alive = self._alive("B", sample.b_packets, sample.arrived_s)
+        content: dict[str, Any] = dict(sensor_json(sample, a_alive, b_alive))
+        content["t_mono"] = sample.measured_s
+        content["t_unix"] = sample.measured_s + self._wall_offset_s
+        return orjson.dumps(content, option=orjson.OPT_APPEND_NEWLINE)
+
+    def _alive(self, channel: str, packets: int, now_s: float) -> bool:
+        before, advanced_s = self._seen.get(channel, (packets, None))
+        if packets != before:
+            advanced_s = now_s
+        self._seen[channel] = (packets, advanced_s)
+        return advanced_s is not None and now_s - advanced_s <= ALIVE_S
+
+
+class JsonlLog:
+    """Appends whole lines; lines the disk did not take stay here until it does."""
+
+    def __init__(self, path: Path) -> None:
+        """Create `path` (it must not exist). Raises OSError."""
+        self.path = path
+        self._file = AppendFile(path)
+        self._lines: list[bytes] = []
+
+    @property
+    def size(self) -> int:
+        """Bytes handed to the kernel."""
+        return self._file.size
+
+    def write(self, line: bytes) -> None:
+        """Take one line for the next flush."""
+        self._lines.append(line)
+
+    def flush(self) -> None:
+        """Hand the lines to the kernel, whole or not at all. Raises OSError, and keeps the lines."""
+        if not self._lines:
+            return
+        self._file.write(b"".join(self._lines))
+        self._file.flush()
+        self._lines.clear()
+
+    def sync(self) -> None:
+        """Have the kernel write to the disk. Raises OSError."""
+        self._file.sync()
+
+    def close(self) -> None:
+        """Flush and close. Raises OSError; the file is closed in any case."""
+        try:
+            self.flush()
+        finally:
+            self._file.close()
