@@ -8,7 +8,6 @@ from __future__ import annotations
 from bluerov_slam.protocol.kogger_frame import (
     ChecksumChoice,
     FrameType,
-    KoggerCounters,
     KoggerFrame,
     KoggerFrameDecoder,
     KoggerId,
@@ -20,7 +19,6 @@ from bluerov_slam.protocol.kogger_frame import (
 __all__ = [
     "ChecksumChoice",
     "FrameType",
-    "KoggerCounters",
     "KoggerFrame",
     "KoggerFrameDecoder",
     "KoggerId",

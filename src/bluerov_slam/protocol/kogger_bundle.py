@@ -48,7 +48,7 @@ class Coding(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """One expanded payload: chunks at the original sample count, and the BB55 chart frames that carry them (route 0)."""
+    """One expanded payload: chunks at the original sample count, and the same as BB55 chart frames (route 0)."""
 
     channel: Channel
     coding: Coding
@@ -136,21 +136,22 @@ def _chart_frames(
     data = np.frombuffer(payload, np.uint8)
     width = _CHART_FRAME.size + max([chunk[3] for chunk in parsed])
     # Rows end together, because a byte's weight in the second sum is its distance from the end; zeros weigh nothing.
-    rows = np.zeros((len(parsed), width), np.uint8)
-    flat = memoryview(rows).cast("B")
-    starts = []
+    backing = bytearray(len(parsed) * width)
+    rows = np.frombuffer(backing, np.uint8).reshape(len(parsed), width)
+    spans = []
     for index, (seq_offset, resolution_mm, first_sample, samples, start, end) in enumerate(parsed):
-        head = (index + 1) * width - samples - _CHART_FRAME.size
+        row_end = (index + 1) * width
+        head = row_end - samples - _CHART_FRAME.size
         _CHART_FRAME.pack_into(
-            flat, head, 0, mode, KoggerId.CHART, samples + 6, seq_offset, resolution_mm, first_sample
+            backing, head, 0, mode, KoggerId.CHART, samples + 6, seq_offset, resolution_mm, first_sample
         )
         rows[index, width - samples :] = hold(data[start:end], samples, decimation, version)
-        starts.append(head)
+        spans.append((head, row_end))
     checks = kogger_mod256_rows(rows).tobytes()
     return tuple(
         [
-            b"%b%b%b" % (KOGGER_SYNC, flat[head : (index + 1) * width], checks[2 * index : 2 * index + 2])
-            for index, head in enumerate(starts)
+            KOGGER_SYNC + backing[head:row_end] + checks[2 * index : 2 * index + 2]
+            for index, (head, row_end) in enumerate(spans)
         ]
     )
 
@@ -158,7 +159,8 @@ def _chart_frames(
 def hold(decimated: NDArray[np.uint8], samples: int, decimation: int, version: int = 0) -> NDArray[np.uint8]:
     """`samples` bytes, each decimated one repeated over those it stands for."""
     if version == 0:
-        return decimated.repeat(decimation)[:samples]
+        repeated: NDArray[np.uint8] = decimated.repeat(decimation)
+        return repeated[:samples]
     held = np.empty(samples, np.uint8)
     for sub_channel in (0, 1):
         own = held[sub_channel::2]
@@ -182,10 +184,12 @@ def _decimate_one(values: NDArray[np.uint8], decimation: int, coding: Coding) ->
         return values
     starts = np.arange(0, values.size, decimation)
     if coding is Coding.PEAK:
-        return np.maximum.reduceat(values, starts)
+        peaks: NDArray[np.uint8] = np.maximum.reduceat(values, starts)
+        return peaks
     sizes = np.minimum(decimation, values.size - starts)
     sums = np.add.reduceat(values, starts, dtype=np.int64)
-    return ((2 * sums + sizes) // (2 * sizes)).astype(np.uint8)
+    means: NDArray[np.uint8] = ((2 * sums + sizes) // (2 * sizes)).astype(np.uint8)
+    return means
 
 
 def _decimated_size(samples: int, decimation: int, version: int) -> int:

@@ -9,13 +9,14 @@ the sync. Some senders use the textbook Fletcher-16 (modulo 255) instead; the so
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
 from bluerov_slam.protocol.checksums import kogger_mod255, kogger_mod256
+from bluerov_slam.protocol.framing import FrameFormat, FrameScanner
+from bluerov_slam.records import LinkCounters
 
 KOGGER_SYNC = b"\xbb\x55"
 KOGGER_V2_SYNC = b"\xcc\x55"
@@ -36,7 +37,6 @@ _V2_HEADER_BYTES = 5
 _V2_OVERHEAD_BYTES = 10  # sync, total, n, flags, id-version, checks
 _V2_PROXY_OVERHEAD_BYTES = 7
 _MAX_PROXY_DEPTH = 3
-_SYNC = re.compile(rb"[\xbb\xcc]\x55")
 _OPTION_PROXY = 1 << 0
 _OPTION_ADDRESS = 1 << 1
 
@@ -159,21 +159,6 @@ def reroute(frame: bytes, route: int) -> bytes:
     return b"\xbb\x55%c%b%c%c" % (route, frame[3:-2], check1, check2)
 
 
-@dataclass(slots=True)
-class KoggerCounters:
-    """What a `KoggerFrameDecoder` has seen since it was made."""
-
-    bytes_received: int = 0
-    frames_ok: int = 0
-    checksum_errors: int = 0
-    length_errors: int = 0
-    bytes_skipped: int = 0
-    resyncs: int = 0
-    other_checksum_frames: int = 0
-    """Of `checksum_errors`, those that the other of the two checksums would have passed."""
-    checksum_switches: int = 0
-
-
 _CHECKS: dict[Checksum, Callable[[bytes], bytes]] = {"mod256": kogger_mod256, "mod255": kogger_mod255}
 _OTHER: dict[Checksum, Checksum] = {"mod256": "mod255", "mod255": "mod256"}
 
@@ -182,155 +167,124 @@ class KoggerFrameDecoder:
     """Bytes of one stream, cut anywhere, to frames. After a false start the search resumes one byte further on.
 
     `checksum` "auto" starts strict (mod 256) and changes to the other sum after `FRAMES_TO_LEARN` frames in a row that
-    fail the one in use and pass the other, with no good frame between.
+    fail the one in use and pass the other, with no good frame between. `checksum_switches` counts such changes,
+    `other_checksum_frames` the frames refused though the other sum would have passed them.
     """
 
     def __init__(self, checksum: ChecksumChoice = "auto") -> None:
         self.checksum_in_use: Checksum = "mod255" if checksum == "mod255" else "mod256"
-        self.counters = KoggerCounters()
+        self.checksum_switches = 0
+        self.other_checksum_frames = 0
         self._learns = checksum == "auto"
         self._streak = 0
-        self._open = b""
-        self._bytes_needed = 0
-        self._skipping = False
+        self._scanner = FrameScanner(
+            FrameFormat(
+                syncs=(KOGGER_SYNC, KOGGER_V2_SYNC),
+                header_bytes=_V1_HEADER_BYTES,
+                type_offset=4,
+                total_bytes=_frame_size,
+                is_intact=self._is_intact,
+            )
+        )
+
+    @property
+    def counters(self) -> LinkCounters:
+        """A snapshot. `frames_by_type` counts BB55 frames by ID (and CC55 frames by the length of their options)."""
+        return self._scanner.counters
 
     @property
     def bytes_wanted(self) -> int:
         """Bytes still missing of the frame being received; 0 when none has begun."""
-        return max(0, self._bytes_needed - len(self._open))
+        return self._scanner.bytes_wanted
 
-    def feed(self, data: bytes | bytearray | memoryview) -> list[KoggerFrame]:
+    def feed(self, data: bytes) -> list[KoggerFrame]:
         """The frames completed by these bytes, in order."""
-        self.counters.bytes_received += len(data)
-        buffer = self._open + data if self._open else bytes(data)
+        return self._parse(self._scanner.feed(data))
+
+    def flush(self) -> list[KoggerFrame]:
+        """The stream has ended: give up the frame being received, return those inside it."""
+        return self._parse(self._scanner.flush())
+
+    def _parse(self, intact: list[bytes]) -> list[KoggerFrame]:
         frames: list[KoggerFrame] = []
-        if len(buffer) >= self._bytes_needed:
-            kept_from = self._scan(buffer, frames)
-            buffer = buffer[kept_from:]
-        self._open = buffer
+        for raw in intact:
+            if raw[0] == KOGGER_SYNC[0]:
+                frames.append(_parse_v1(raw))
+            else:
+                frames += _parse_v2(raw, self.checksum_in_use)
         return frames
 
-    def _scan(self, buffer: bytes, frames: list[KoggerFrame]) -> int:
-        """Append every whole frame of `buffer`; return where the unfinished rest begins."""
-        position = 0
-        end_of_buffer = len(buffer)
-        self._bytes_needed = 0
-        while (sync := _SYNC.search(buffer, position)) is not None:
-            start = sync.start()
-            self._skip(start - position)
-            position = start
-            size = _frame_size(buffer, start)
-            if size is None:
-                self.counters.length_errors += 1
-                self._skip(1)
-                position += 1
-            elif start + size > end_of_buffer:
-                self._bytes_needed = size
-                return start
-            elif self._accept(buffer[start : start + size], frames):
-                position += size
-            else:
-                self._skip(1)
-                position += 1
-        # A lone first sync byte at the very end may begin a frame.
-        rest = end_of_buffer - 1 if position < end_of_buffer and buffer[-1] in b"\xbb\xcc" else end_of_buffer
-        self._skip(rest - position)
-        return rest
-
-    def _accept(self, raw: bytes, frames: list[KoggerFrame]) -> bool:
-        if not self._check_passes(raw):
-            self.counters.checksum_errors += 1
-            return False
-        self._skipping = False
-        before = len(frames)
-        _append_parsed(raw, frames, self.checksum_in_use)
-        self.counters.frames_ok += len(frames) - before
-        return True
-
-    def _check_passes(self, raw: bytes) -> bool:
+    def _is_intact(self, raw: bytes) -> bool:
         body, check = raw[2:-2], raw[-2:]
         if _CHECKS[self.checksum_in_use](body) == check:
             self._streak = 0
             return True
         other = _OTHER[self.checksum_in_use]
         if _CHECKS[other](body) == check:
-            self.counters.other_checksum_frames += 1
+            self.other_checksum_frames += 1
             self._streak += 1
             if self._learns and self._streak >= FRAMES_TO_LEARN:
                 self.checksum_in_use = other
-                self.counters.checksum_switches += 1
+                self.checksum_switches += 1
                 self._streak = 0
         return False
 
-    def _skip(self, count: int) -> None:
-        if count <= 0:
-            return
-        self.counters.bytes_skipped += count
-        if not self._skipping:
-            self._skipping = True
-            self.counters.resyncs += 1
-
 
 def _frame_size(buffer: bytes, start: int) -> int | None:
-    """Whole size of the frame that begins here (a lower bound while its header is incomplete), None if impossible."""
-    available = len(buffer) - start
+    """Whole size of the frame whose header begins here, None if there is no such frame."""
     if buffer[start] == KOGGER_SYNC[0]:
-        return _V1_OVERHEAD_BYTES + buffer[start + 5] if available >= _V1_HEADER_BYTES else _V1_HEADER_BYTES
-    if available < _V2_HEADER_BYTES:
-        return _V2_HEADER_BYTES
-    total = int.from_bytes(buffer[start + 2 : start + 4], "little")
+        return _V1_OVERHEAD_BYTES + buffer[start + 5]
+    total = buffer[start + 2] | buffer[start + 3] << 8
     option_bytes = buffer[start + 4] - 1
     if option_bytes < 0 or total > MAX_V2_FRAME_BYTES or total < _V2_PROXY_OVERHEAD_BYTES + option_bytes:
         return None
     return total
 
 
-def _append_parsed(raw: bytes, frames: list[KoggerFrame], checksum: Checksum, depth: int = 0) -> None:
-    if raw[0] == KOGGER_SYNC[0]:
-        mode = raw[3]
-        frames.append(
-            KoggerFrame(
-                raw[2], mode & 3, mode >> 3 & 7, bool(mode & 0x40), bool(mode & 0x80), raw[4], raw[6:-2], False, raw
-            )
-        )
-        return
+def _parse_v1(raw: bytes) -> KoggerFrame:
+    mode = raw[3]
+    return KoggerFrame(
+        raw[2], mode & 3, mode >> 3 & 7, bool(mode & 0x40), bool(mode & 0x80), raw[4], raw[6:-2], False, raw
+    )
+
+
+def _parse_v2(raw: bytes, checksum: Checksum, depth: int = 0) -> list[KoggerFrame]:
+    """The frame itself, or those inside it where it is a proxy; nothing if it is too short to say what it is."""
     content_start = _V2_HEADER_BYTES + raw[4] - 1
     options = raw[_V2_HEADER_BYTES:content_start]
     fields = int.from_bytes(options[:2], "little") if len(options) >= 2 else 0
     content = raw[content_start:-2]
     if fields & _OPTION_PROXY:
-        if depth < _MAX_PROXY_DEPTH:
-            _append_nested(content, frames, checksum, depth + 1)
-    elif len(content) >= 3:
-        flags, id_version = content[0], content[1] | content[2] << 8
-        frames.append(
-            KoggerFrame(
-                route=_v2_route(options, fields),
-                frame_type=flags & 3,
-                version=id_version & 7,
-                mark=bool(flags & 8),
-                response=bool(flags & 4),
-                frame_id=id_version >> 3,
-                payload=content[3:],
-                is_v2=True,
-                raw=raw,
-            )
+        return _parse_nested(content, checksum, depth + 1) if depth < _MAX_PROXY_DEPTH else []
+    if len(content) < 3:
+        return []
+    flags, id_version = content[0], content[1] | content[2] << 8
+    return [
+        KoggerFrame(
+            route=_v2_route(options, fields),
+            frame_type=flags & 3,
+            version=id_version & 7,
+            mark=bool(flags & 8),
+            response=bool(flags & 4),
+            frame_id=id_version >> 3,
+            payload=content[3:],
+            is_v2=True,
+            raw=raw,
         )
+    ]
 
 
-def _append_nested(content: bytes, frames: list[KoggerFrame], checksum: Checksum, depth: int) -> None:
-    """Frames inside a proxy frame: whole ones only, the rest is dropped with the proxy frame's own bytes."""
-    position = 0
-    while (sync := _SYNC.search(content, position)) is not None:
-        start = sync.start()
-        size = _frame_size(content, start)
-        position = start + 1
-        if size is None or start + size > len(content):
-            continue
-        raw = content[start : start + size]
-        if size >= _V2_PROXY_OVERHEAD_BYTES and _CHECKS[checksum](raw[2:-2]) == raw[-2:]:
-            _append_parsed(raw, frames, checksum, depth)
-            position = start + size
+def _parse_nested(content: bytes, checksum: Checksum, depth: int) -> list[KoggerFrame]:
+    """Frames inside a proxy frame: whole ones only, what is cut off ends with the proxy frame."""
+
+    def is_intact(raw: bytes) -> bool:
+        return _CHECKS[checksum](raw[2:-2]) == raw[-2:]
+
+    scanner = FrameScanner(FrameFormat((KOGGER_SYNC, KOGGER_V2_SYNC), _V1_HEADER_BYTES, 4, _frame_size, is_intact))
+    frames: list[KoggerFrame] = []
+    for raw in scanner.feed(content) + scanner.flush():
+        frames += [_parse_v1(raw)] if raw[0] == KOGGER_SYNC[0] else _parse_v2(raw, checksum, depth)
+    return frames
 
 
 def _v2_route(options: bytes, fields: int) -> int:
