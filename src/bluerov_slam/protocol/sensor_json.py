@@ -54,9 +54,9 @@ def sensor_json(
             "ok": sample.temperature_ok and sample.temperature_degc is not None,
         },
         "ctd": {
-            "sv": _rounded(_first(sample.sound_speed_wire_mps, ctd and ctd.sound_speed_mps), 1),
-            "d": _rounded(_first(sample.depth_wire_m, ctd and ctd.depth_m), 2),
-            "s": _rounded(_first(sample.salinity_wire_psu, ctd and ctd.salinity_psu), 1),
+            "sv": _rounded(_first(sample.sound_speed_wire_mps, ctd.sound_speed_mps if ctd else None), 1),
+            "d": _rounded(_first(sample.depth_wire_m, ctd.depth_m if ctd else None), 2),
+            "s": _rounded(_first(sample.salinity_wire_psu, ctd.salinity_psu if ctd else None), 1),
             "t": _rounded(sample.temperature_degc, 2),
         },
         "ka": {"pkts": sample.a_packets, "bytes": sample.a_bytes, "alive": a_alive},
