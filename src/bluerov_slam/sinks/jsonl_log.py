@@ -8,7 +8,7 @@ from typing import Any
 import orjson
 
 from bluerov_slam.protocol.sensor_json import sensor_json
-from bluerov_slam.records import SensorSample
+from bluerov_slam.records import CtdSample, SensorSample
 from bluerov_slam.sinks.append_file import AppendFile
 
 # A sonar counts as alive while its packet counter advanced within this time (wire-protocol.md section 2).
@@ -16,19 +16,41 @@ ALIVE_S = 2.0
 
 
 class SensorLines:
-    """Turns samples into lines; remembers the packet counters, which tell whether a sonar is alive."""
+    """Turns samples into lines; remembers the packet counters, which tell whether a sonar is alive.
 
-    def __init__(self, wall_offset_ns: int) -> None:
-        self._wall_offset_s = wall_offset_ns * 1e-9
+    A sample waits for the CtdSample computed from it, which the decoder hands over next.
+    """
+
+    def __init__(self, wall_offset_ns: int | None) -> None:
+        """`wall_offset_ns`: wall clock less monotonic clock; None where it is not known, and `t_unix` is null."""
+        self._wall_offset_s = None if wall_offset_ns is None else wall_offset_ns * 1e-9
         self._seen: dict[str, tuple[int, float | None]] = {}
+        self._waiting: SensorSample | None = None
 
-    def line(self, sample: SensorSample) -> bytes:
-        """One line with its newline."""
+    def feed(self, record: SensorSample | CtdSample) -> list[bytes]:
+        """The lines that became complete, each with its newline."""
+        if isinstance(record, SensorSample):
+            lines = self.flush()
+            self._waiting = record
+            return lines
+        if self._waiting is None or self._waiting.measured_s != record.measured_s:
+            return []
+        sample, self._waiting = self._waiting, None
+        return [self._line(sample, record)]
+
+    def flush(self) -> list[bytes]:
+        """The line of a sample that no CtdSample followed."""
+        if self._waiting is None:
+            return []
+        sample, self._waiting = self._waiting, None
+        return [self._line(sample, None)]
+
+    def _line(self, sample: SensorSample, ctd: CtdSample | None) -> bytes:
         a_alive = self._alive("A", sample.a_packets, sample.arrived_s)
         b_alive = self._alive("B", sample.b_packets, sample.arrived_s)
-        content: dict[str, Any] = dict(sensor_json(sample, a_alive, b_alive))
+        content: dict[str, Any] = dict(sensor_json(sample, a_alive, b_alive, ctd))
         content["t_mono"] = sample.measured_s
-        content["t_unix"] = sample.measured_s + self._wall_offset_s
+        content["t_unix"] = None if self._wall_offset_s is None else sample.measured_s + self._wall_offset_s
         return orjson.dumps(content, option=orjson.OPT_APPEND_NEWLINE)
 
     def _alive(self, channel: str, packets: int, now_s: float) -> bool:
@@ -53,9 +75,9 @@ class JsonlLog:
         """Bytes handed to the kernel."""
         return self._file.size
 
-    def write(self, line: bytes) -> None:
-        """Take one line for the next flush."""
-        self._lines.append(line)
+    def write(self, lines: list[bytes]) -> None:
+        """Take whole lines for the next flush."""
+        self._lines += lines
 
     def flush(self) -> None:
         """Hand the lines to the kernel, whole or not at all. Raises OSError, and keeps the lines."""

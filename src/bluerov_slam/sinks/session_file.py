@@ -50,9 +50,17 @@ def change_session(folder: Path, change: Callable[[dict[str, Any]], None]) -> di
     """Read, let `change` edit, write back; never half a file. Raises OSError."""
     with _write_lock:
         content = read_session(folder)
+        if not content:
+            _set_aside(folder / FILE_NAME)
         change(content)
         _replace(folder / FILE_NAME, orjson.dumps(content, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
         return content
+
+
+def _set_aside(path: Path) -> None:
+    """A file that does not read may still hold a user's words: it is kept beside the new one."""
+    if path.exists():
+        path.replace(path.with_name(path.name + ".damaged"))
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -77,8 +77,8 @@ class SessionWriter:
         self._unflushed.append(record)
         if self._mcap is not None:
             self._last_ns = max(self._last_ns, _write_mcap(self._mcap, record))
-        if isinstance(record, records.SensorSample) and self._jsonl is not None:
-            self._jsonl.write(self._lines.line(record))
+        if isinstance(record, records.SensorSample | records.CtdSample) and self._jsonl is not None:
+            self._jsonl.write(self._lines.feed(record))
         elif isinstance(record, records.Ping):
             self.pings[record.channel] += 1
         elif isinstance(record, records.GpsFix):
@@ -159,8 +159,10 @@ class SessionWriter:
 
     def close(self) -> None:
         """Write index and footer, close everything, mark the session as whole."""
-        if self._unflushed and self._mcap is None:
+        if (self._mcap is None and self._unflushed) or self._jsonl is None:
             self.resume()
+        if self._jsonl is not None:
+            self._jsonl.write(self._lines.flush())
         self.flush()
         self.suspend()
         if self._jsonl is not None:
