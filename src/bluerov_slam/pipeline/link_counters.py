@@ -11,8 +11,9 @@ from bluerov_slam.records import Channel, LinkCounters, Sender
 class SonarCounters:
     """One sonar since the decoder was made; what is not known yet is None.
 
-    `coding` is how its amplitudes travel: "raw", "mean", "peak" or "coded". `gap_samples` counts samples that never
-    arrived inside emitted pings, `chunks_rejected` chunks that cannot belong to any ping.
+    `coding` is how its amplitudes travel: "raw", "mean" or "peak". `gap_samples` counts samples that never arrived
+    inside emitted pings, `pings_missed` whole pings by the firmware's own numbering, `chunks_rejected` chunks that
+    cannot belong to any ping.
     """
 
     bytes: int = 0
@@ -20,6 +21,7 @@ class SonarCounters:
     checksum_errors: int = 0
     pings: int = 0
     pings_incomplete: int = 0
+    pings_missed: int = 0
     gap_samples: int = 0
     chunks_rejected: int = 0
     samples: int | None = None
@@ -44,6 +46,7 @@ class LinkDecoderCounters:
     undecoded: dict[int, int] = field(default_factory=dict)
     malformed: dict[int, int] = field(default_factory=dict)
     unknown_layouts: int = 0
+    unknown_layout_reason: str = ""
     sender: Sender | None = None
     device_resets: int = 0
     conductivity_distrusted: bool = False

@@ -24,10 +24,8 @@ ANGULAR_RATE_PER_COUNT_RADPS = math.radians(2000) / 32768
 _HDOP_MAX_X100 = U16_MAX - 1
 
 
-def imu_burst(fields: ImuBurstFields, measured_s: float, arrived_s: float) -> ImuBurst | None:
-    """The record of an IMU_BURST; None for a scale this version does not know."""
-    if fields.scale != ImuScale.HWT905_RAW:
-        return None
+def imu_burst(fields: ImuBurstFields, measured_s: float, arrived_s: float) -> ImuBurst:
+    """The record of an IMU_BURST with `ImuScale.HWT905_RAW`."""
     scaled = fields.samples[:, :6].astype(np.float64)
     return ImuBurst(
         measured_s=measured_s,
