@@ -8,7 +8,7 @@ RUN npm ci --omit=dev --no-audit --no-fund
 COPY scripts/vendor.mjs scripts/
 RUN node scripts/vendor.mjs
 
-FROM docker.io/library/debian:bookworm-slim AS python
+FROM --platform=$TARGETPLATFORM docker.io/library/debian:bookworm-slim AS python
 # setuptools, wheel and Cython build pymavlink where no wheel exists (armv7): it needs no compiler.
 RUN apt-get update \
  && apt-get install -y --no-install-recommends \
@@ -34,7 +34,7 @@ RUN /opt/bluerov-slam/bin/pip install --no-cache-dir --no-deps --no-build-isolat
  && /opt/bluerov-slam/bin/pip uninstall --yes pip setuptools \
  && python3 -m compileall -q /opt/bluerov-slam/lib
 
-FROM docker.io/library/debian:bookworm-slim
+FROM --platform=$TARGETPLATFORM docker.io/library/debian:bookworm-slim
 RUN apt-get update \
  && apt-get install -y --no-install-recommends python3 python3-lz4 python3-numpy python3-zstandard \
  && rm -rf /var/lib/apt/lists/* /usr/share/doc /usr/share/man

@@ -127,6 +127,11 @@ class MavlinkSettings(_Group):
         True, "NAMED_VALUE_FLOAT: temperature, sound speed, salinity, conductivity", live=True
     )
     send_status_text: bool = setting(True, "STATUSTEXT when a fault appears or clears", live=True)
+    defer_to_autopilot: bool = setting(
+        True,
+        "hold our ATTITUDE and GPS_RAW_INT back while the autopilot sends its own: ground stations would mix the two",
+        live=True,
+    )
     mavlink2rest_url: str = setting(
         "", "mavlink2rest WebSocket to use instead of UDP, such as ws://127.0.0.1:6040/v1/ws/mavlink; empty: UDP",
         pattern=r"^(wss?://[^\s]{1,250})?$", live=True,
