@@ -27,12 +27,11 @@ COPY src src
 COPY web web
 COPY --from=web /build/web/vendor web/vendor
 RUN /opt/bluerov-slam/bin/pip install --no-cache-dir --no-deps --no-build-isolation . \
- && /opt/bluerov-slam/bin/pip uninstall --yes hatchling editables pluggy trove-classifiers pathspec \
+ && /opt/bluerov-slam/bin/pip uninstall --yes hatchling pluggy trove-classifiers pathspec \
  && cd /opt/bluerov-slam/lib/python3.11/site-packages/pymavlink \
  && find dialects/v10 dialects/v20 -type f ! -name '__init__.py' ! -name 'common.*' ! -name 'ardupilotmega.*' -delete \
  && rm -rf dialects/v09 message_definitions \
- && /opt/bluerov-slam/bin/pip uninstall --yes pip setuptools \
- && python3 -m compileall -q /opt/bluerov-slam/lib
+ && /opt/bluerov-slam/bin/pip uninstall --yes pip setuptools
 
 FROM --platform=$TARGETPLATFORM docker.io/library/debian:bookworm-slim
 RUN apt-get update \

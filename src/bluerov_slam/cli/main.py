@@ -14,6 +14,7 @@ from bluerov_slam.errors import ExpectedError
 COMMANDS = {
     "convert": "convert",
     "extension": "extension",
+    "health": "health",
     "replay": "replay",
     "run": "run",
     "simulate": "simulate",
