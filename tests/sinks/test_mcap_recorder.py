@@ -6,7 +6,6 @@ from pathlib import Path
 import orjson
 import pytest
 from mcap.reader import make_reader
-from recording_samples import FakeClocks, feed, gps_fix, ping, recorder, sensor_sample
 
 from bluerov_slam.pipeline.health import RecorderState
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
@@ -15,6 +14,7 @@ from bluerov_slam.sinks import append_file
 from bluerov_slam.sinks.mcap_log import SESSION_METADATA
 from bluerov_slam.sinks.mcap_recorder import PRE_ROLL_BYTES, RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import is_complete, scan_mcap
+from recording_samples import FakeClocks, feed, gps_fix, ping, recorder, sensor_sample
 
 
 @pytest.fixture
@@ -45,6 +45,10 @@ class FullDisk:
 def messages(path: Path, topic: str) -> list[tuple[int, int, bytes]]:
     with path.open("rb") as stream:
         return [(m.publish_time, m.log_time, m.data) for _, _, m in make_reader(stream).iter_messages([topic])]
+
+
+def raw_messages(parts: list[Path]) -> list[tuple[int, int, bytes]]:
+    return [message for part in parts for message in messages(part, "/link/raw")]
 
 
 def only_session(folder: Path) -> Path:
@@ -164,7 +168,7 @@ def test_begins_a_new_file_by_time_and_loses_no_block(tmp_path, clock):
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
     assert len(parts) >= 3
     assert all(is_complete(part) for part in parts)
-    assert sum((messages(part, "/link/raw") for part in parts), []) == [
+    assert raw_messages(parts) == [
         (round(b.arrived_s * 1e9), round(b.arrived_s * 1e9) + 1_700_000_000_000_000_000, b.data) for b in blocks
     ]
     name = only_session(tmp_path).name
@@ -203,7 +207,7 @@ def test_stops_before_the_disk_is_full_and_resumes_by_itself_without_losing_a_bl
     target.finish()
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
     assert all(is_complete(part) for part in parts)
-    recorded = sum((messages(part, "/link/raw") for part in parts), [])
+    recorded = raw_messages(parts)
     assert [publish / 1e9 for publish, _, _ in recorded] == [b.arrived_s for b in blocks]
     assert target.facts().dropped == 0
 
@@ -224,7 +228,7 @@ def test_a_disk_that_refuses_a_block_costs_nothing_once_it_takes_it_again(tmp_pa
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
     assert len(parts) == 2, "one part per interruption, however often it was tried"
     assert all(is_complete(part) for part in parts)
-    recorded = sum((messages(part, "/link/raw") for part in parts), [])
+    recorded = raw_messages(parts)
     assert [publish / 1e9 for publish, _, _ in recorded] == [b.arrived_s for b in blocks]
     lines = [json.loads(line) for line in next(only_session(tmp_path).glob("*.jsonl")).read_text().splitlines()]
     assert len(lines) == 12
@@ -244,7 +248,7 @@ def test_what_the_queue_cannot_hold_is_dropped_oldest_first_and_is_an_error(tmp_
     clock.advance(3.0)
     target.finish()
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
-    recorded = sum((messages(part, "/link/raw") for part in parts), [])
+    recorded = raw_messages(parts)
     assert recorded[-1][0] / 1e9 == blocks[-1].arrived_s
 
 

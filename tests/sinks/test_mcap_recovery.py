@@ -4,11 +4,11 @@ from pathlib import Path
 import orjson
 import pytest
 from mcap.reader import make_reader
-from recording_samples import FakeClocks, feed, recorder
 
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.sinks.mcap_recovery import is_complete, recover_mcap, scan_mcap
 from bluerov_slam.sinks.session_recovery import recover_sessions
+from recording_samples import FakeClocks, feed, recorder
 
 
 @pytest.fixture(scope="module")

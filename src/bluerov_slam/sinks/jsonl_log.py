@@ -7,16 +7,14 @@ from typing import Any
 
 import orjson
 
+from bluerov_slam.pipeline.link_decoder import SonarActivity
 from bluerov_slam.protocol.sensor_json import sensor_json
-from bluerov_slam.records import CtdSample, SensorSample
+from bluerov_slam.records import Channel, CtdSample, SensorSample
 from bluerov_slam.sinks.append_file import AppendFile
-
-# A sonar counts as alive while its packet counter advanced within this time (wire-protocol.md section 2).
-ALIVE_S = 2.0
 
 
 class SensorLines:
-    """Turns samples into lines; remembers the packet counters, which tell whether a sonar is alive.
+    """Turns samples into lines.
 
     A sample waits for the CtdSample computed from it, which the decoder hands over next.
     """
@@ -24,7 +22,7 @@ class SensorLines:
     def __init__(self, wall_offset_ns: int | None) -> None:
         """`wall_offset_ns`: wall clock less monotonic clock; None where it is not known, and `t_unix` is null."""
         self._wall_offset_s = None if wall_offset_ns is None else wall_offset_ns * 1e-9
-        self._seen: dict[str, tuple[int, float | None]] = {}
+        self._activity = SonarActivity()
         self._waiting: SensorSample | None = None
 
     def feed(self, record: SensorSample | CtdSample) -> list[bytes]:
@@ -46,19 +44,12 @@ class SensorLines:
         return [self._line(sample, None)]
 
     def _line(self, sample: SensorSample, ctd: CtdSample | None) -> bytes:
-        a_alive = self._alive("A", sample.a_packets, sample.arrived_s)
-        b_alive = self._alive("B", sample.b_packets, sample.arrived_s)
+        self._activity.observe(sample)
+        a_alive, b_alive = self._activity.alive(Channel.A), self._activity.alive(Channel.B)
         content: dict[str, Any] = dict(sensor_json(sample, a_alive, b_alive, ctd))
         content["t_mono"] = sample.measured_s
         content["t_unix"] = None if self._wall_offset_s is None else sample.measured_s + self._wall_offset_s
         return orjson.dumps(content, option=orjson.OPT_APPEND_NEWLINE)
-
-    def _alive(self, channel: str, packets: int, now_s: float) -> bool:
-        before, advanced_s = self._seen.get(channel, (packets, None))
-        if packets != before:
-            advanced_s = now_s
-        self._seen[channel] = (packets, advanced_s)
-        return advanced_s is not None and now_s - advanced_s <= ALIVE_S
 
 
 class JsonlLog:

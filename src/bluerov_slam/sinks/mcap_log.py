@@ -8,15 +8,20 @@ offset between the two, so that a step of the wall clock never reorders a record
 from __future__ import annotations
 
 import dataclasses
+import logging
+import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import orjson
 from mcap.writer import CompressionType, IndexType, Writer
 
 from bluerov_slam import __version__, records
 from bluerov_slam.protocol.waterfall_frame import pack_ping
 from bluerov_slam.sinks.append_file import AppendFile
+
+_log = logging.getLogger(__name__)
 
 RAW_TOPIC = "/link/raw"
 RAW_DOWN_TOPIC = "/link/raw_down"
@@ -50,7 +55,7 @@ class McapLog:
     def __init__(self, path: Path, wall_offset_ns: int, session: dict[str, str]) -> None:
         """Create `path` (it must not exist). `session` is kept as metadata. Raises OSError."""
         self.path = path
-        self.pings = dict.fromkeys(PING_TOPICS, 0)
+        self.not_encoded = 0
         self._wall_offset_ns = wall_offset_ns
         self._file = AppendFile(path)
         self._writer = Writer(
@@ -79,15 +84,19 @@ class McapLog:
 
     def write_record(self, record: records.Record) -> None:
         """A decoded record; a type without a topic is passed over."""
-        if isinstance(record, records.Ping):
-            mono_ns = to_ns(record.arrived_s)
-            time_unix_s = (to_ns(record.measured_s) + self._wall_offset_ns) * 1e-9
-            self.pings[record.channel] += 1
-            self._add(self._channels[record.channel], pack_ping(record, time_unix_s), mono_ns)
+        key = record.channel if isinstance(record, records.Ping) else type(record)
+        channel = self._channels.get(key)
+        if channel is None:
             return
-        channel = self._channels.get(type(record))
-        if channel is not None:
-            self._add(channel, encode_record(record), to_ns(_stamp_s(record)))
+        try:
+            data = self._encode(record)
+        except (TypeError, ValueError, struct.error):
+            # Never at the cost of the raw bytes, from which it can be decoded again.
+            self.not_encoded += 1
+            if self.not_encoded == 1:
+                _log.exception("a %s could not be recorded; the raw bytes are", type(record).__name__)
+            return
+        self._add(channel, data, to_ns(_stamp_s(record)))
 
     def flush(self) -> None:
         """Close the chunk and hand it to the kernel, whole or not at all. Raises OSError."""
@@ -110,6 +119,11 @@ class McapLog:
         """Close without a footer: the disk took no more."""
         self._file.close()
 
+    def _encode(self, record: records.Record) -> bytes:
+        if isinstance(record, records.Ping):
+            return pack_ping(record, (to_ns(record.measured_s) + self._wall_offset_ns) * 1e-9)
+        return encode_record(record)
+
     def _add(self, channel: int, data: bytes, mono_ns: int) -> None:
         self._writer.add_message(channel, max(0, mono_ns + self._wall_offset_ns), data, mono_ns)
 
@@ -131,7 +145,14 @@ def to_ns(seconds: float) -> int:
 
 def encode_record(record: object) -> bytes:
     """A record as JSON, its fields by their own names; None and NaN are null."""
-    return orjson.dumps(record, option=_JSON_OPTIONS)
+    return orjson.dumps(record, _as_list, _JSON_OPTIONS)
+
+
+def _as_list(value: object) -> object:
+    """Arrays that are views with strides, which orjson does not take as they are."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
 def json_schema(record_type: type) -> dict[str, Any]:
