@@ -111,6 +111,7 @@ class _Fill:
         self.first_sample = chunk.first_sample
         self.decimation = decimation
         self.gaps = []
+        self.ended_by_count_at = 0
         self.started_s = measured_s
         self._learn_period(chunk.seq_offset == 0, measured_s)
 
@@ -133,16 +134,21 @@ class _Fill:
         self.buffer[self.filled : end] = bytes(end - self.filled)
         self.filled = end
 
-    def paused(self, measured_s: float, arrived_s: float) -> bool:
+    def timed_out(self, now_s: float) -> bool:
+        return self.last_chunk is not None and now_s - self.last_arrived_s > self.timeout_s()
+
+    def paused(self, measured_s: float) -> bool:
         """More time has passed since the last chunk than belongs inside one ping."""
-        if arrived_s - self.last_arrived_s > self.timeout_s():
-            return True
-        return self.period_s is not None and measured_s - self.last_measured_s > self.period_s / 2
+        return (
+            self.period_s is not None
+            and self.last_chunk is not None
+            and measured_s - self.last_measured_s > self.period_s / 2
+        )
 
     def timeout_s(self) -> float:
-        return (
-            _DEFAULT_TIMEOUT_S if self.period_s is None else min(_DEFAULT_TIMEOUT_S, _TIMEOUT_PERIODS * self.period_s)
-        )
+        if self.period_s is None:
+            return _DEFAULT_TIMEOUT_S
+        return min(_DEFAULT_TIMEOUT_S, _TIMEOUT_PERIODS * self.period_s)
 
     def _learn_period(self, starts_at_zero: bool, measured_s: float) -> None:
         if not starts_at_zero:
@@ -214,6 +220,8 @@ class PingAssembler:
     ) -> list[Ping]:
         """Take chunks that arrived together, such as those of one KOGGER_COMPRESSED payload."""
         pings: list[Ping] = []
+        if not chunks:
+            return pings
         fill = self._fills.get(route) or self._open_route(route, pings)
         self._end_by_number_or_pause(fill, chunks, measured_s, arrived_s, ping_number, pings)
         for chunk in chunks:
@@ -226,7 +234,7 @@ class PingAssembler:
         """Emit the pings to which nothing was added for one and a half periods (one second while that is unknown)."""
         pings: list[Ping] = []
         for fill in self._fills.values():
-            if fill.filled and now_s - fill.last_arrived_s > fill.timeout_s():
+            if fill.filled and fill.timed_out(now_s):
                 self.counters.flushed += 1
                 self._emit(fill, pings)
         return pings
@@ -266,15 +274,18 @@ class PingAssembler:
         ping_number: int | None,
         pings: list[Ping],
     ) -> None:
-        if ping_number is not None and fill.last_ping_number is not None:
-            missed = (ping_number - fill.last_ping_number - 1) & 0xFF
-            is_new = missed != 0xFF
-            if missed <= _MOST_MISSED:
-                self.counters.pings_missed += missed
-        else:
-            is_new = fill.last_chunk is not None and fill.paused(measured_s, arrived_s)
+        is_new = False
+        if fill.timed_out(arrived_s):
+            is_new = True
+            self.counters.flushed += fill.filled > 0
+        elif ping_number is None or fill.last_ping_number is None:
+            is_new = fill.paused(measured_s)
             # Offset 0 ends the ping by itself; only where it is missing did the pause decide.
             self.counters.split_by_pause += is_new and fill.filled > 0 and chunks[0].seq_offset != 0
+        if ping_number is not None and fill.last_ping_number is not None and ping_number != fill.last_ping_number:
+            is_new = True
+            missed = (ping_number - fill.last_ping_number - 1) & 0xFF
+            self.counters.pings_missed += missed if missed <= _MOST_MISSED else 0
         fill.last_ping_number = ping_number
         if is_new:
             fill.last_chunk = None
