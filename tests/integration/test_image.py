@@ -1,0 +1,117 @@
+"""The built image, run read-only without privileges on its virtual ESP32; `scripts/test-image` calls this."""
+
+import json
+import os
+import socket
+import subprocess
+import time
+import urllib.request
+
+import pytest
+
+IMAGE = os.environ.get("IMAGE")
+EMULATED = os.environ.get("ARCH", "amd64") != "amd64"
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.image,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(not IMAGE, reason="scripts/test-image builds the image and names it in IMAGE"),
+]
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def podman(*arguments, check=True):
+    return subprocess.run(["podman", *arguments], check=check, capture_output=True, text=True, timeout=600)
+
+
+def get(port, path):
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10) as answer:
+        return answer.read()
+
+
+def poll(deadline_s, condition, container):
+    end = time.monotonic() + deadline_s
+    while time.monotonic() < end:
+        try:
+            value = condition()
+        except (OSError, KeyError, ValueError):
+            value = None
+        if value:
+            return value
+        time.sleep(0.5)
+    logs = podman("logs", "--tail", "60", container, check=False)
+    raise AssertionError(f"not within {deadline_s} s; the container said:\n{logs.stdout}\n{logs.stderr}")
+
+
+@pytest.fixture(scope="module")
+def container():
+    ports = {name: free_port() for name in ("http", "ws", "viewer", "waterfall", "udp_a", "udp_b")}
+    environment = {
+        "BLUEROV_SLAM_HTTP__HOST": "127.0.0.1",
+        "BLUEROV_SLAM_HTTP__PORT": ports["http"],
+        "BLUEROV_SLAM_HTTP__SENSOR_WS_PORT": ports["ws"],
+        "BLUEROV_SLAM_VIEWER__PORT": ports["viewer"],
+        "BLUEROV_SLAM_VIEWER__WATERFALL_WS_PORT": ports["waterfall"],
+        "BLUEROV_SLAM_VIEWER__UDP_PORT_A": ports["udp_a"],
+        "BLUEROV_SLAM_VIEWER__UDP_PORT_B": ports["udp_b"],
+    }
+    options = [option for key, value in environment.items() for option in ("--env", f"{key}={value}")]
+    # Host network, as on the vehicle; read-only and without capabilities, to see that nothing else is needed.
+    started = podman(
+        "run", "--detach", "--network", "host", "--read-only", "--cap-drop", "ALL",
+        "--tmpfs", "/usr/blueos/extensions/bluerov-slam", "--tmpfs", "/tmp",
+        *options, IMAGE, "bluerov-slam", "run", "--simulate",
+    )  # fmt: skip
+    name = started.stdout.strip()
+    try:
+        yield name, ports
+    finally:
+        podman("rm", "--force", "--time", "5", name, check=False)
+
+
+def test_both_services_answer_with_live_data(container):
+    name, ports = container
+    patience_s = 240 if EMULATED else 60
+    poll(patience_s, lambda: json.loads(get(ports["http"], "/health"))["serial"], name)
+    poll(patience_s, lambda: json.loads(get(ports["http"], "/api/latest"))["imu"]["alive"], name)
+    poll(patience_s, lambda: json.loads(get(ports["viewer"], "/health"))["a_pings"] > 5, name)
+    assert b"<title>" in get(ports["http"], "/")
+    assert b"<title>" in get(ports["viewer"], "/")
+
+
+def test_the_libraries_of_the_pages_are_shipped(container):
+    name, ports = container
+    poll(60, lambda: get(ports["http"], "/health"), name)
+    assert len(get(ports["http"], "/static/vendor/uplot/dist/uPlot.esm.js")) > 10_000
+    assert b"swagger" in get(ports["http"], "/docs").lower()
+
+
+def test_the_dive_is_recorded(container):
+    name, ports = container
+
+    def recorded():
+        document = json.loads(get(ports["http"], "/api/recordings"))
+        return any(
+            file["name"].endswith(".mcap") and file["bytes"] > 0 for r in document["recordings"] for file in r["files"]
+        )
+
+    poll(240 if EMULATED else 60, recorded, name)
+
+
+def test_the_health_check_command_agrees(container):
+    name, _ = container
+    answer = podman("exec", name, "bluerov-slam", "health")
+    assert answer.stdout.split() == ["extension:", "healthy", "viewer:", "healthy"]
+
+
+def test_labels_are_what_the_store_and_kraken_read():
+    configuration = json.loads(podman("image", "inspect", IMAGE).stdout)[0]
+    labels = configuration["Labels"]
+    assert json.loads(labels["permissions"])["HostConfig"]["NetworkMode"] == "host"
+    assert configuration.get("HealthCheck") or configuration.get("Healthcheck")
