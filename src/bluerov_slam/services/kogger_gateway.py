@@ -13,7 +13,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from bluerov_slam.errors import CommandError
-from bluerov_slam.protocol.kogger import FrameType, KoggerFrame, KoggerFrameDecoder, KoggerId, build_frame
+from bluerov_slam.protocol.kogger import (
+    CommandDecision,
+    FrameType,
+    KoggerFrame,
+    KoggerFrameDecoder,
+    KoggerId,
+    ResultCode,
+    build_frame,
+    classify_udp_command,
+)
+from bluerov_slam.protocol.kogger_commands import CONFIRM_KEY
 from bluerov_slam.records import Channel
 from bluerov_slam.services.sonar_session import STREAMED_IDS, SonarSession
 from bluerov_slam.sources.udp import Address
@@ -32,10 +42,6 @@ BROADCAST_ROUTE = 0
 BROADCAST_ANSWER_INTERVAL_S = 1.0
 # While it refreshes, an answer this old is still the truth unless the sonar restarted.
 FRESH_S = 30.0
-CONFIRM_KEY = bytes.fromhex("4a5d6bc9")
-RESULT_OK = 1
-RESULT_KEY = 7
-RESULT_RUNTIME = 8
 SETTING_IDS = frozenset(range(KoggerId.DATASET, KoggerId.SOUND_SPEED + 1))
 SETTINGS_UNDER_WAY = 4
 
@@ -115,6 +121,7 @@ class KoggerGateway:
         self._limits = HostLimits()
         self._peers: dict[Address, _Peer] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+        self._refused_ids: set[int] = set()
 
     def take(self, data: bytes, address: Address) -> None:
         """A datagram that did not come from the extension."""
@@ -179,14 +186,15 @@ class KoggerGateway:
         if peer is None:
             self.counters.peers_refused += 1
             return
-        if frame.frame_type == FrameType.GETTING:
+        rule = classify_udp_command(frame, settings_allowed=self.settings_allowed)
+        if rule.decision is not CommandDecision.ALLOW:
+            self._refuse(frame, peer, rule.reason)
+        elif frame.frame_type == FrameType.GETTING:
             self._getting(frame, peer, now_s)
         elif frame.frame_id == KoggerId.MARK:
             self._mark(frame, peer)
-        elif frame.frame_id in SETTING_IDS and self.settings_allowed:
-            self._relay_setting(frame, peer)
         else:
-            self._refuse(frame, peer)
+            self._relay_setting(frame, peer)
 
     def _peer(self, address: Address, now_s: float) -> _Peer | None:
         peer = self._peers.get(address)
@@ -245,16 +253,16 @@ class KoggerGateway:
     def _mark(self, frame: KoggerFrame, peer: _Peer) -> None:
         """MARK is ours to answer: the viewer itself marks the sonar, and asks again for everything when it restarts."""
         if frame.payload != CONFIRM_KEY:
-            self._result(frame, peer, RESULT_KEY)
+            self._result(frame, peer, ResultCode.KEY)
             return
         if not self._session.alive:
             return
         peer.marked = True
-        self._result(frame, peer, RESULT_OK)
+        self._result(frame, peer, ResultCode.OK)
 
     def _relay_setting(self, frame: KoggerFrame, peer: _Peer) -> None:
         if len(self._tasks) >= SETTINGS_UNDER_WAY:
-            self._refuse(frame, peer)
+            self._refuse(frame, peer, "too many settings at once")
             return
         task = asyncio.create_task(self._relay(frame, peer), name=f"kogger-app-setting-{self.channel}")
         self._tasks.add(task)
@@ -267,24 +275,24 @@ class KoggerGateway:
             code = await self._session.set(frame.to_bytes(route=0))
         except CommandError as error:
             logger.warning("sonar %s: setting from KoggerApp failed: %s", self.channel, error)
-            code = RESULT_RUNTIME
+            code = ResultCode.RUNTIME
         self._session.forget(frame.frame_id)
-        # The result quotes the checks of the command, and those changed with the route.
-        self._result(frame, peer, code)
+        if code is not None:
+            # The result quotes the checks of the command, and those changed with the route.
+            self._result(frame, peer, code)
         self.on_setting(frame.frame_id)
 
-    def _refuse(self, frame: KoggerFrame, peer: _Peer) -> None:
+    def _refuse(self, frame: KoggerFrame, peer: _Peer, reason: str) -> None:
         if frame.frame_id in SETTING_IDS:
             self.counters.settings_refused += 1
         else:
             self.counters.refused += 1
-        if (self.counters.settings_refused + self.counters.refused) == 1:
+        if frame.frame_id not in self._refused_ids:
+            self._refused_ids.add(frame.frame_id)
             logger.warning(
-                "sonar %s: a command %#04x from %s was refused; settings from KoggerApp need the switch "
-                "sonar.kogger_app_may_change_settings, the rest is never taken from the network",
-                self.channel, frame.frame_id, peer.address[0],
-            )  # fmt: skip
-        self._result(frame, peer, RESULT_RUNTIME)
+                "sonar %s: command %#04x from %s refused: %s", self.channel, frame.frame_id, peer.address[0], reason
+            )
+        self._result(frame, peer, ResultCode.RUNTIME)
 
     def _answer(self, frame: KoggerFrame, peer: _Peer, payload: bytes) -> None:
         self.counters.answered += 1

@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bluerov_slam.errors import CommandError
-from bluerov_slam.protocol.kogger import FrameType, KoggerFrame, KoggerFrameDecoder, KoggerId, build_frame
+from bluerov_slam.protocol.kogger import (
+    FrameType,
+    KoggerFrame,
+    KoggerFrameDecoder,
+    KoggerId,
+    ResultCode,
+    get_frame,
+    parse_result,
+)
 from bluerov_slam.records import Channel
 from bluerov_slam.services.viewer_link_client import CommandResult
 
@@ -25,21 +33,24 @@ ASK_QUEUE = 16
 # KoggerApp asks for VERSION several times a second for ever; the sonar hears it once.
 ASK_INTERVAL_S = 1.0
 CHART_POLL_INTERVAL_S = 0.05
-RESULT_OK = 1
-RESULT_MEANINGS = {
-    0: "no result",
-    1: "done",
-    2: "the command was damaged on its way (checksum)",
-    3: "it refuses these values (payload)",
-    4: "it does not know this command (id)",
-    5: "it does not know this version of the command",
-    6: "it does not take this kind of command (type)",
-    7: "the confirm key was wrong",
-    8: "it failed while carrying it out",
+RESULT_MEANINGS: dict[int, str] = {
+    ResultCode.NONE: "no result",
+    ResultCode.OK: "done",
+    ResultCode.CHECKSUM: "the command was damaged on its way (checksum)",
+    ResultCode.PAYLOAD: "it refuses these values (payload)",
+    ResultCode.ID: "it does not know this command (id)",
+    ResultCode.VERSION: "it does not know this version of the command",
+    ResultCode.TYPE: "it does not take this kind of command (type)",
+    ResultCode.KEY: "the confirm key was wrong",
+    ResultCode.RUNTIME: "it failed while carrying it out",
 }
 # Values that change by themselves are never answered from memory.
 STREAMED_IDS = frozenset(range(KoggerId.TIMESTAMP, KoggerId.DATASET))
 AnswerKey = tuple[int, int, int]
+
+
+class UnansweredError(CommandError):
+    """The command got as far as the ESP32; the sonar said nothing."""
 
 
 class SonarLink(Protocol):
@@ -66,9 +77,10 @@ class _Awaited:
     def matches(self, frame: KoggerFrame) -> bool:
         if frame.frame_id != self.request.frame_id or frame.version != self.request.version:
             return False
-        if frame.response:
-            return frame.payload[1:3] == self.request.check
-        return self.request.frame_type == FrameType.GETTING
+        result = parse_result(frame)
+        if result is not None:
+            return result.check == self.request.check
+        return not frame.response and self.request.frame_type == FrameType.GETTING
 
 
 class SonarSession:
@@ -135,18 +147,26 @@ class SonarSession:
         for key in [key for key in self._answers if key[0] == frame_id]:
             del self._answers[key]
 
-    async def set(self, frame: bytes) -> int:
-        """Send a SETTING; returns the sonar's result code. Raises CommandError without one."""
-        answer = await self._request(parse_one(frame))
-        return answer.payload[0] if answer.payload else 0
+    async def set(self, frame: bytes) -> int | None:
+        """Send a SETTING; returns the sonar's result code, None when it got the command but gave no result.
 
-    async def get(self, frame_id: int, version: int = 0, payload: bytes = b"") -> KoggerFrame:
+        Raises CommandError when the command did not get through.
+        """
+        try:
+            result = parse_result(await self._request(parse_one(frame)))
+        except UnansweredError:
+            return None
+        return result.code if result else None
+
+    async def get(
+        self, frame_id: int, version: int = 0, payload: bytes = b"", attempts: int = 1 + RETRIES
+    ) -> KoggerFrame:
         """Send a GETTING; returns the content. Raises CommandError when refused or unanswered."""
-        request = build_frame(frame_id, payload, frame_type=FrameType.GETTING, version=version, response=True)
-        answer = await self._request(parse_one(request))
-        if answer.response:
-            code = answer.payload[0] if answer.payload else 0
-            raise CommandError(f"sonar {self.channel} does not tell {frame_id:#04x}: {result_meaning(code)}")
+        request = parse_one(get_frame(frame_id, version=version, payload=payload))
+        answer = await self._request(request, attempts)
+        result = parse_result(answer)
+        if result is not None:
+            raise CommandError(f"sonar {self.channel} does not tell {frame_id:#04x}: {result_meaning(result.code)}")
         return answer
 
     def ask_soon(self, frame_id: int, version: int, payload: bytes) -> None:
@@ -158,7 +178,7 @@ class SonarSession:
             return
         if len(self._asked_s) > 4 * ASK_QUEUE:
             self._asked_s.clear()
-        request = build_frame(frame_id, payload, frame_type=FrameType.GETTING, version=version, response=True)
+        request = get_frame(frame_id, version=version, payload=payload)
         try:
             self._asks.put_nowait(parse_one(request))
             self._asked_s[key] = now_s
@@ -179,7 +199,7 @@ class SonarSession:
         async with self._lock:
             awaited = _Awaited(request, asyncio.get_running_loop().create_future())
             self._awaited = awaited
-            problem = ""
+            problem = CommandError("")
             try:
                 for attempt in range(attempts):
                     self.retries += attempt > 0
@@ -188,9 +208,9 @@ class SonarSession:
                         return awaited.done.result()
             finally:
                 self._awaited = None
-        raise CommandError(problem)
+        raise problem
 
-    async def _attempt(self, awaited: _Awaited) -> str:
+    async def _attempt(self, awaited: _Awaited) -> CommandError:
         """Send once and wait; returns what went wrong if no answer came. Raises CommandError where a retry is vain."""
         outcome = await self._link.command(self.channel, awaited.request.raw)
         if outcome.result == "no_link":
@@ -201,16 +221,18 @@ class SonarSession:
             )
         if outcome.result == "busy":
             await asyncio.sleep(BUSY_PAUSE_S)
-            return f"the ESP32 is busy with another command for sonar {self.channel}: try again"
+            return CommandError(f"the ESP32 is busy with another command for sonar {self.channel}: try again")
         if outcome.result != "ok":
             # Old firmware acknowledges nothing; the sonar may have answered all the same.
             await asyncio.sleep(0)
-            return (
+            return CommandError(
                 f"the command did not reach sonar {self.channel} ({outcome.message or outcome.result}): "
                 "old firmware relays no commands, then flash the present one; else look at the link's errors"
             )
         await asyncio.wait([awaited.done], timeout=self._answer_timeout_s)
-        return f"sonar {self.channel} does not answer: check its 12 V, its cable (TX line) and its baud rate"
+        return UnansweredError(
+            f"sonar {self.channel} does not answer: check its 12 V, its cable (to its RX) and its baud rate"
+        )
 
 
 def parse_one(frame: bytes) -> KoggerFrame:
