@@ -5,137 +5,83 @@ Pure: records and facts in, texts out. The services fill the facts; the pages sh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING
 
+from bluerov_slam.pipeline.health_link import check_link, check_mavlink, check_recorder, system_faults
+from bluerov_slam.pipeline.health_memory import HealthMemory
+from bluerov_slam.pipeline.health_model import (
+    Chip,
+    ChipState,
+    Fault,
+    FaultLevel,
+    Finding,
+    Health,
+    HealthFacts,
+    LinkFacts,
+    MavlinkFacts,
+    PortState,
+    RecorderFacts,
+    RecorderState,
+)
+from bluerov_slam.pipeline.health_sensors import check_ctd, check_depth, check_gps, check_imu, check_sonar
+from bluerov_slam.records import Channel
+
 if TYPE_CHECKING:
-    from bluerov_slam.pipeline.link_counters import LinkDecoderCounters
+    from collections.abc import Callable
+
+    from bluerov_slam.records import Record
+
+__all__ = [
+    "Chip",
+    "ChipState",
+    "Fault",
+    "FaultLevel",
+    "Health",
+    "HealthFacts",
+    "HealthMonitor",
+    "LinkFacts",
+    "MavlinkFacts",
+    "PortState",
+    "RecorderFacts",
+    "RecorderState",
+]
+
+_CHECKS: tuple[tuple[str, str, Callable[[float, HealthMemory, HealthFacts], Finding]], ...] = (
+    ("link", "Link", check_link),
+    ("sonar_a", "Sonar A", partial(check_sonar, Channel.A)),
+    ("sonar_b", "Sonar B", partial(check_sonar, Channel.B)),
+    ("imu", "IMU", check_imu),
+    ("depth", "Depth", check_depth),
+    ("ctd", "CTD", check_ctd),
+    ("gps", "GPS", check_gps),
+    ("recorder", "Recorder", check_recorder),
+    ("mavlink", "MAVLink", check_mavlink),
+)
+_WORST_FIRST = tuple(FaultLevel)
 
 
-class ChipState(StrEnum):
-    """How a chip is coloured."""
+class HealthMonitor:
+    """Feed it every record; ask it once a second, and whenever a fact changed."""
 
-    OK = "ok"
-    WARN = "warn"
-    FAULT = "fault"
-    OFF = "off"
-    UNKNOWN = "unknown"
+    def __init__(self) -> None:
+        self._memory = HealthMemory()
 
+    def observe(self, record: Record) -> None:
+        """Take a record; those that do not matter to health are ignored."""
+        self._memory.observe(record)
 
-class FaultLevel(StrEnum):
-    """How much a fault matters; worst first."""
-
-    ERROR = "error"
-    WARNING = "warning"
-    INFO = "info"
-
-
-@dataclass(frozen=True, slots=True)
-class Chip:
-    """One part of the system in a few words. `age_s` is the age of its newest data, None if there never was any."""
-
-    id: str
-    label: str
-    state: ChipState
-    text: str
-    cause: str = ""
-    cure: str = ""
-    age_s: float | None = None
+    def assess(self, now_s: float, facts: HealthFacts) -> Health:
+        """The state of everything at host monotonic time `now_s`."""
+        memory = self._memory
+        memory.take(now_s, facts)
+        findings = [(chip_id, label, check(now_s, memory, facts)) for chip_id, label, check in _CHECKS]
+        faults = [finding.fault for _, _, finding in findings if finding.fault is not None]
+        faults += system_faults(now_s, memory, facts)
+        faults.sort(key=lambda fault: _WORST_FIRST.index(fault.level))
+        return Health(tuple(_chip(*found) for found in findings), tuple(faults))
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """Something wrong now. `id` stays the same as long as the fault does."""
-
-    id: str
-    level: FaultLevel
-    title: str
-    cause: str
-    cure: str
-
-
-class PortState(StrEnum):
-    """What the serial port (or the replay that stands in for it) is doing."""
-
-    CONNECTED = "connected"
-    ABSENT = "absent"
-    BUSY = "busy"
-    DENIED = "denied"
-    FAILED = "failed"
-    FINISHED = "finished"
-
-
-@dataclass(frozen=True, slots=True)
-class LinkFacts:
-    """The link as its source sees it. `device_folder_seen` is False in a container without /dev."""
-
-    state: PortState
-    kind: str = "serial"
-    port: str | None = None
-    by_id: str | None = None
-    baud: int = 115200
-    reconnects: int = 0
-    waiting_for: str | None = None
-    detail: str = ""
-    device_folder_seen: bool = True
-
-
-class RecorderState(StrEnum):
-    """What the recorder is doing."""
-
-    OFF = "off"
-    WAITING = "waiting"
-    RECORDING = "recording"
-    DISK_FULL = "disk_full"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True, slots=True)
-class RecorderFacts:
-    """The recorder as it sees itself; `state` OFF means switched off by the user."""
-
-    state: RecorderState
-    file: str | None = None
-    bytes: int = 0
-    bytes_per_s: float = 0.0
-    dropped: int = 0
-    queue: int = 0
-    free_bytes: int | None = None
-    seconds_left: float | None = None
-    error: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class MavlinkFacts:
-    """The MAVLink bridge as it sees itself. `last_heard_s` is host monotonic time."""
-
-    enabled: bool
-    target: str = ""
-    sent: int = 0
-    peer_alive: bool = False
-    peer: str | None = None
-    last_heard_s: float | None = None
-    received: int = 0
-    enabled_since_s: float | None = None
-    error: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class HealthFacts:
-    """Everything `HealthMonitor.assess` needs besides the records it has seen."""
-
-    link: LinkFacts
-    recorder: RecorderFacts
-    mavlink: MavlinkFacts
-    counters: LinkDecoderCounters
-    wall_trusted: bool | None = None
-    extension_version: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Health:
-    """The chips in the order of the page, and everything wrong now, worst first."""
-
-    chips: tuple[Chip, ...]
-    faults: tuple[Fault, ...]
+def _chip(chip_id: str, label: str, finding: Finding) -> Chip:
+    cause, cure = ("", "") if finding.fault is None else (finding.fault.cause, finding.fault.cure)
+    return Chip(chip_id, label, finding.state, finding.text, cause, cure, finding.age_s)
