@@ -1,0 +1,226 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bluerov_slam.protocol.kogger import KoggerFrameDecoder, KoggerId
+from bluerov_slam.protocol.kogger_bundle import (
+    PAYLOAD_LIMIT_115200,
+    PAYLOAD_LIMIT_921600,
+    Bundle,
+    BundlePacker,
+    Coding,
+    UnknownLayout,
+    compress_ping,
+    decimate,
+    expand,
+)
+from bluerov_slam.protocol.ping_assembly import ChartChunk, PingAssembler
+from bluerov_slam.records import Channel
+
+VECTORS = json.loads((Path(__file__).parents[1] / "vectors" / "kogger_bundle.json").read_text())
+
+
+def ping_chunks(count: int, chunk_size: int = 200, seed: int = 1) -> list[ChartChunk]:
+    data = np.random.default_rng(seed).integers(0, 256, count, np.uint8).tobytes()
+    return [ChartChunk(start, 20, 5, data[start : start + chunk_size]) for start in range(0, count, chunk_size)]
+
+
+def expanded(payload: bytes) -> Bundle:
+    bundle = expand(payload)
+    assert isinstance(bundle, Bundle), bundle
+    return bundle
+
+
+def plainly_decimated(values: list[int], decimation: int, coding: int) -> list[int]:
+    """The definition, one group at a time: the mean rounds half away from zero."""
+    groups = [values[start : start + decimation] for start in range(0, len(values), decimation)]
+    return [max(group) if coding == 1 else int(sum(group) / len(group) + 0.5) for group in groups]
+
+
+def plainly_held(values: list[int], decimation: int, count: int) -> list[int]:
+    return [values[index // decimation] for index in range(count)]
+
+
+@pytest.mark.parametrize("coding", list(Coding))
+@pytest.mark.parametrize("decimation", range(1, 9))
+@pytest.mark.parametrize("count", [1, 3, 4, 5, 199, 200, 249])
+def test_decimation_and_hold_are_what_their_definition_says(count: int, decimation: int, coding: Coding) -> None:
+    values = np.random.default_rng(count).integers(0, 256, count, np.uint8)
+    expected = plainly_decimated(values.tolist(), decimation, coding)
+
+    assert list(decimate(values.tobytes(), decimation, coding)) == expected
+    payloads = compress_ping(
+        Channel.A,
+        [ChartChunk(0, 20, 0, values.tobytes())],
+        ping_number=0,
+        t_us=0,
+        decimation=decimation,
+        coding=coding,
+        payload_limit=512,
+    )
+    assert list(expanded(payloads[0]).chunks[0].samples) == plainly_held(expected, decimation, count)
+
+
+@pytest.mark.parametrize("decimation", range(1, 9))
+@pytest.mark.parametrize("count", [1, 2, 7, 16, 20, 199, 200])
+def test_dual_channel_charts_are_decimated_one_sub_channel_at_a_time(count: int, decimation: int) -> None:
+    values = np.random.default_rng(count).integers(0, 256, count, np.uint8).tolist()
+    held = [0] * count
+    for sub_channel in (0, 1):
+        own = values[sub_channel::2]
+        held[sub_channel::2] = plainly_held(plainly_decimated(own, decimation, 0), decimation, len(own))
+
+    (payload,) = compress_ping(
+        Channel.B,
+        [ChartChunk(0, 20, 0, bytes(values))],
+        ping_number=0,
+        t_us=0,
+        version=1,
+        decimation=decimation,
+        payload_limit=512,
+    )
+
+    bundle = expanded(payload)
+    assert bundle.version == 1
+    assert list(bundle.chunks[0].samples) == held
+
+
+def test_means_round_half_away_from_zero() -> None:
+    assert list(decimate(bytes([0, 1, 0, 1]), 4)) == [1]  # 0.5
+    assert list(decimate(bytes([0, 0, 0, 1]), 4)) == [0]  # 0.25
+    assert list(decimate(bytes([2, 3, 2, 3, 254, 255]), 2)) == [3, 3, 255]
+
+
+@pytest.mark.parametrize("vector", VECTORS["bundles"], ids=lambda vector: vector["name"])
+def test_golden_ping_packs_to_these_bytes_and_expands_to_these_frames(vector: dict[str, Any]) -> None:
+    chunks = [
+        ChartChunk(c["seq_offset"], c["resolution_mm"], c["first_sample"], bytes.fromhex(c["samples"]))
+        for c in vector["chunks"]
+    ]
+
+    payloads = compress_ping(
+        Channel(vector["channel"]),
+        chunks,
+        ping_number=vector["ping_number"],
+        t_us=vector["t_us"],
+        version=vector["version"],
+        mark=vector["mark"],
+        decimation=vector["decimation"],
+        coding=Coding(vector["coding"]),
+        payload_limit=vector["payload_limit"],
+    )
+
+    assert [payload.hex() for payload in payloads] == vector["payloads"]
+    bundles = [expanded(payload) for payload in payloads]
+    assert [frame.hex() for bundle in bundles for frame in bundle.frames] == vector["frames"]
+    assert [bundle.last_of_ping for bundle in bundles] == [False] * (len(bundles) - 1) + [True]
+    for bundle in bundles:
+        assert bundle.channel == vector["channel"]
+        assert (bundle.ping_number, bundle.t_us) == (vector["ping_number"], vector["t_us"])
+        assert (bundle.version, bundle.mark, bundle.coding) == (vector["version"], vector["mark"], vector["coding"])
+        assert bundle.decimation == vector["decimation"]
+
+
+@pytest.mark.parametrize("vector", VECTORS["unknown_layouts"], ids=lambda vector: vector["name"])
+def test_golden_foreign_payload_is_an_unknown_layout(vector: dict[str, str]) -> None:
+    outcome = expand(bytes.fromhex(vector["payload"]))
+
+    assert isinstance(outcome, UnknownLayout)
+    assert outcome.reason
+
+
+def test_rebuilt_frames_are_valid_strict_koggers_with_route_0_and_the_mark_bit() -> None:
+    chunks = ping_chunks(523)
+    payloads = compress_ping(Channel.A, chunks, ping_number=3, t_us=99, mark=True)
+
+    decoder = KoggerFrameDecoder("mod256")
+    frames = [frame for payload in payloads for raw in expanded(payload).frames for frame in decoder.feed(raw)]
+
+    assert (decoder.counters.checksum_errors, decoder.counters.bytes_skipped) == (0, 0)
+    assert [(f.route, f.mark, f.frame_id, f.version) for f in frames] == [(0, True, KoggerId.CHART, 0)] * 3
+    rebuilt = [chunk for payload in payloads for chunk in expanded(payload).chunks]
+    assert [chunk[:3] for chunk in rebuilt] == [chunk[:3] for chunk in chunks]
+    assert [frame.payload[6:] for frame in frames] == [chunk.samples for chunk in rebuilt]
+
+
+def test_undecimated_bundles_lose_nothing() -> None:
+    chunks = ping_chunks(1000)
+
+    payloads = compress_ping(Channel.A, chunks, ping_number=0, t_us=0, decimation=1, payload_limit=512)
+
+    assert [chunk for payload in payloads for chunk in expanded(payload).chunks] == chunks
+
+
+@pytest.mark.parametrize(("limit", "sizes"), [(PAYLOAD_LIMIT_115200, [180, 123]), (PAYLOAD_LIMIT_921600, [294])])
+def test_a_thousand_samples_cost_what_the_link_budget_says(limit: int, sizes: list[int]) -> None:
+    payloads = compress_ping(Channel.A, ping_chunks(1000), ping_number=0, t_us=0, payload_limit=limit)
+
+    assert [len(payload) for payload in payloads] == sizes
+
+
+@pytest.mark.parametrize("version", [0, 1])
+@pytest.mark.parametrize("decimation", range(1, 9))
+@pytest.mark.parametrize("chunk_size", [1, 17, 200, 249])
+@pytest.mark.parametrize("limit", [64, PAYLOAD_LIMIT_115200, PAYLOAD_LIMIT_921600])
+def test_no_payload_is_larger_than_the_limit_and_no_sample_is_lost(
+    limit: int, chunk_size: int, decimation: int, version: int
+) -> None:
+    chunks = ping_chunks(500, chunk_size)
+
+    payloads = compress_ping(
+        Channel.A, chunks, ping_number=0, t_us=0, version=version, decimation=decimation, payload_limit=limit
+    )
+
+    assert max(map(len, payloads)) <= limit
+    assembler = PingAssembler(Channel.A)
+    pings = [
+        ping
+        for payload in payloads
+        for bundle in [expanded(payload)]
+        for ping in assembler.feed_chunks(
+            bundle.chunks, 0.0, 0.0, version=version, ping_number=0, last_of_ping=bundle.last_of_ping
+        )
+    ]
+    assert [ping.samples.size for ping in pings] == ([500] if version == 0 else [250, 250])
+    assert all(ping.gaps == () for ping in pings)
+
+
+def test_packer_hands_out_a_payload_as_soon_as_it_is_full() -> None:
+    packer = BundlePacker(Channel.B)
+    packer.begin(ping_number=300, t_us=2**32 + 7)
+
+    ready = [len(packer.add(chunk)) for chunk in ping_chunks(1000)]
+    (last,) = packer.end()
+
+    assert ready == [0, 0, 0, 1, 0]
+    bundle = expanded(last)
+    assert (bundle.channel, bundle.ping_number, bundle.t_us, bundle.last_of_ping) == (Channel.B, 44, 7, True)
+    assert packer.end() == []
+
+
+def test_every_truncation_and_extension_is_an_unknown_layout() -> None:
+    payload = compress_ping(Channel.A, ping_chunks(600), ping_number=0, t_us=0)[0]
+
+    for size in range(len(payload)):
+        assert isinstance(expand(payload[:size]), UnknownLayout)
+    assert isinstance(expand(payload + b"\x00"), UnknownLayout)
+
+
+def test_any_bytes_expand_to_a_bundle_of_valid_frames_or_to_an_unknown_layout() -> None:
+    rng = np.random.default_rng(7)
+    valid = bytearray(compress_ping(Channel.A, ping_chunks(600), ping_number=0, t_us=0)[0])
+    outcomes = {Bundle: 0, UnknownLayout: 0}
+    for _ in range(3000):
+        mutated = bytearray(valid)
+        for _ in range(int(rng.integers(1, 4))):
+            mutated[int(rng.integers(0, 30))] = int(rng.integers(0, 256))
+        outcome = expand(bytes(mutated))
+        outcomes[type(outcome)] += 1
+        if isinstance(outcome, Bundle):
+            decoder = KoggerFrameDecoder("mod256")
+            assert len(decoder.feed(b"".join(outcome.frames))) == len(outcome.chunks)
+        assert isinstance(expand(rng.bytes(int(rng.integers(0, 60)))), UnknownLayout | Bundle)
+    assert min(outcomes.values()) > 100
