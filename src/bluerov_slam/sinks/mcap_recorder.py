@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 CYCLE_S = 0.2
 FLUSH_S = 0.4
 SYNC_S = 5.0
-SAVE_S = 30.0
+SAVE_S = 10.0
 GUARD_S = 2.0
 RETRY_S = 2.0
 RATE_WINDOW_S = 10.0
@@ -122,7 +122,9 @@ class Recorder:
         self._armed = enabled
         self._frame_seen = False
         self._wake = threading.Event()
-        self._settled = threading.Event()
+        self._settled = threading.Condition()
+        self._requests = 0
+        self._requests_done = 0
         self._stopping = False
         self._thread: threading.Thread | None = None
         # Used by the thread only.
@@ -167,7 +169,8 @@ class Recorder:
 
     def settle(self, timeout_s: float) -> bool:
         """Wait until the thread has acted on the last request; for a worker thread, not the event loop."""
-        return self._settled.wait(timeout_s)
+        with self._settled:
+            return self._settled.wait_for(lambda: self._requests_done == self._requests, timeout_s)
 
     @property
     def armed(self) -> bool:
@@ -227,20 +230,13 @@ class Recorder:
     def cycle(self) -> None:
         """Everything that is due now; what the thread repeats."""
         now_ns = self._clocks.monotonic_ns()
-        self._settled.set()
-        if now_ns < self._retry_at_ns:
-            return
-        try:
-            self._write_queue(now_ns)
-            self._clear_error()
-        except DiskFullError as error:
-            self._fail(str(error), now_ns, disk_full=True)
-        except RecordingError as error:
-            self._fail(str(error), now_ns)
-        except OSError as error:
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            self._fail(describe_os_error(error, self.folder), now_ns, disk_full=full)
+        requests = self._requests
+        if now_ns >= self._retry_at_ns:
+            self._try(now_ns)
         self._report_drops()
+        with self._settled:
+            self._requests_done = requests
+            self._settled.notify_all()
 
     def finish(self) -> None:
         """Write what is queued and close the session; a disk that refuses leaves it for the next start to repair."""
@@ -261,6 +257,18 @@ class Recorder:
                 _log.exception("the recorder failed; it goes on")
                 self._fail("internal error of the recorder, see the log; it goes on", self._clocks.monotonic_ns())
         self.finish()
+
+    def _try(self, now_ns: int) -> None:
+        try:
+            self._write_queue(now_ns)
+            self._clear_error()
+        except DiskFullError as error:
+            self._fail(str(error), now_ns, disk_full=True)
+        except RecordingError as error:
+            self._fail(str(error), now_ns)
+        except OSError as error:
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            self._fail(describe_os_error(error, self.folder), now_ns, disk_full=full)
 
     def _write_queue(self, now_ns: int) -> None:
         if not self._armed:
@@ -388,7 +396,8 @@ class Recorder:
                 self._dropped += 1
 
     def _request(self) -> None:
-        self._settled.clear()
+        with self._settled:
+            self._requests += 1
         self._retry_at_ns = 0
         self._wake.set()
 
