@@ -108,7 +108,7 @@ def test_annotations_are_added_changed_and_removed(folder):
 @pytest.mark.parametrize(
     "given",
     [
-        {"kind": "virus"}, {"channel": "C"}, {"range_m": "far"}, {"range_m": -1}, {"latitude_deg": 91},
+        {"kind": "virus"}, {"channel": "C"}, {"range_m": "far"}, {"id": "../x"}, {"latitude_deg": 91},
         {"time_unix_s": float("nan")}, {"time_unix_s": True}, {"text": ["a"]}, {"x": 1}, {"name": "n" * (MAX_TEXT + 1)},
     ],
 )  # fmt: skip
@@ -117,6 +117,14 @@ def test_an_annotation_that_makes_no_sense_is_refused(folder, given):
     with pytest.raises(RecordingError):
         store.add_annotation(FIRST, given)
     assert store.annotations(FIRST) == []
+
+
+def test_adding_an_annotation_twice_keeps_one(folder):
+    store = RecordingStore(folder)
+    store.add_annotation(FIRST, {"id": "abc123", "kind": "contact", "name": "first"})
+    store.add_annotation(FIRST, {"id": "abc123", "kind": "contact", "name": "again", "range_m": -12.0})
+    (kept,) = store.annotations(FIRST)
+    assert (kept["name"], kept["range_m"]) == ("again", -12.0)
 
 
 def test_annotations_of_the_dive_being_recorded_survive_its_end(tmp_path):

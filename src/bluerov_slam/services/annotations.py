@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 from bluerov_slam.errors import RecordingError
@@ -11,10 +12,11 @@ MAX_TEXT = 4000
 MAX_ANNOTATIONS = 10_000
 KINDS = ("note", "contact")
 
+_ID = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TEXTS = ("text", "name", "note")
 _NUMBERS = {
     "time_unix_s": (0.0, 1e11),
-    "range_m": (0.0, 1e4),
+    "range_m": (-1e4, 1e4),  # port is negative on some pages
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),
     "ping_number": (0.0, float(2**32 - 1)),
@@ -24,6 +26,8 @@ _NUMBERS = {
 def checked_annotation(given: dict[str, Any]) -> dict[str, Any]:
     """`given` without anything unexpected in it. Raises RecordingError naming the key."""
     checked: dict[str, Any] = {}
+    if "id" in given:
+        checked["id"] = _checked_id(given["id"])
     for key, value in given.items():
         if key == "id":
             continue
@@ -37,6 +41,12 @@ def checked_text(key: str, value: object) -> str:
         raise RecordingError(f"{key}: expected a text, got {type(value).__name__}")
     if len(value) > MAX_TEXT:
         raise RecordingError(f"{key}: {len(value)} characters, at most {MAX_TEXT}")
+    return value
+
+
+def _checked_id(value: object) -> str:
+    if not isinstance(value, str) or not _ID.fullmatch(value):
+        raise RecordingError("id: expected up to 40 letters, digits, - or _")
     return value
 
 

@@ -93,11 +93,15 @@ class RecordingStore:
         return list(read_session(self.session_folder(name)).get("annotations", []))
 
     def add_annotation(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
-        """Keep a note or a contact; returns it with its id. Raises RecordingError, OSError."""
+        """Keep a note or a contact; returns it with its id. One whose id is known already is replaced.
+
+        Raises RecordingError, OSError.
+        """
         annotation = {"id": uuid.uuid4().hex[:12], "kind": "note", **checked_annotation(given)}
 
         def add(session: dict[str, Any]) -> None:
             kept = session.setdefault("annotations", [])
+            kept[:] = [other for other in kept if other.get("id") != annotation["id"]]
             if len(kept) >= MAX_ANNOTATIONS:
                 raise RecordingError(f"this recording holds {MAX_ANNOTATIONS} annotations already")
             kept.append(annotation)
@@ -107,7 +111,7 @@ class RecordingStore:
 
     def change_annotation(self, name: str, annotation_id: str, given: dict[str, Any]) -> dict[str, Any]:
         """Change keys of an annotation. Raises RecordingError, OSError."""
-        changes = checked_annotation(given)
+        changes = {**checked_annotation(given), "id": annotation_id}
         found: dict[str, Any] = {}
 
         def change(session: dict[str, Any]) -> None:
