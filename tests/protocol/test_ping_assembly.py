@@ -304,6 +304,23 @@ def test_odd_offsets_of_a_dual_channel_gap_are_told_apart() -> None:
     assert (first.gaps, second.gaps) == (((3, 5),), ((2, 4),))
 
 
+def test_a_gap_of_one_byte_hurts_only_the_sub_channel_it_belongs_to() -> None:
+    assembler = PingAssembler(Channel.A)
+
+    assembler.feed_chunks((ChartChunk(0, 20, 0, b"\x01" * 3), ChartChunk(4, 20, 0, b"\x02" * 4)), 0.0, 0.0, version=1)
+
+    assert [ping.gaps for ping in assembler.finish()] == [(), ((1, 2),)]
+
+
+def test_half_a_sample_pair_is_no_ping() -> None:
+    assembler = PingAssembler(Channel.A)
+
+    assembler.feed_chunks((ChartChunk(0, 20, 0, b"\x01"),), 0.0, 0.0, version=1)
+
+    assert assembler.finish() == []
+    assert (assembler.counters.pings, assembler.counters.unsupported) == (0, 1)
+
+
 @pytest.mark.parametrize(("offset", "kept"), [(19_799, True), (19_800, False), (65_535, False)])
 def test_chunks_that_reach_the_end_of_koggerapps_buffer_are_refused(offset: int, kept: bool) -> None:
     assembler = PingAssembler(Channel.A)

@@ -367,14 +367,16 @@ class PingAssembler:
     def _emit(self, fill: _Fill, pings: list[Ping], *, pad_tail: bool = True) -> None:
         if pad_tail and self.expected_samples:
             self._pad_tail(fill)
-        self._number += 1
-        counters = self.counters
-        counters.pings += 1
-        if fill.gaps:
-            counters.incomplete += 1
-            counters.gap_samples += sum(end - start for start, end in fill.gaps)
         samples = np.frombuffer(bytes(memoryview(fill.buffer)[: fill.filled]), np.uint8)
         fill.filled = 0
+        if fill.version == 1 and samples.size < 2:
+            self.counters.unsupported += 1  # half a sample pair is no ping
+            return
+        self._number += 1
+        self.counters.pings += 1
+        if fill.gaps:
+            self.counters.incomplete += 1
+            self.counters.gap_samples += sum(end - start for start, end in fill.gaps)
         if fill.version == 0:
             pings.append(self._ping(fill, 0, samples, tuple(fill.gaps)))
             return
@@ -383,8 +385,8 @@ class PingAssembler:
         for sub_channel in (0, 1):
             own = np.ascontiguousarray(samples[sub_channel : 2 * count : 2])
             own.flags.writeable = False
-            gaps = [((a + 1 - sub_channel) // 2, (b + 1 - sub_channel) // 2) for a, b in fill.gaps]
-            pings.append(self._ping(fill, sub_channel, own, tuple(gaps)))
+            halved = [((a + 1 - sub_channel) // 2, (b + 1 - sub_channel) // 2) for a, b in fill.gaps]
+            pings.append(self._ping(fill, sub_channel, own, tuple([(a, b) for a, b in halved if a < b])))
 
     def _ping(
         self, fill: _Fill, sub_channel: int, samples: NDArray[np.uint8], gaps: tuple[tuple[int, int], ...]
