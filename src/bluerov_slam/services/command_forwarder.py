@@ -46,8 +46,8 @@ logger = logging.getLogger(__name__)
 
 # One question each, round and round: about 10 bytes a second up and 20 down.
 REFRESH_PAUSE_S = 2.0
-# How long to leave a sonar alone that did not answer.
-SILENT_PAUSE_S = 10.0
+# After so many rounds of questions, 20 s each, a sonar that does not answer or is not marked is tried again.
+SYNCHRONISE_ROUNDS = 2
 DISTANCE_SETUP_VERSIONS = (1, 2)
 VERSION_VERSIONS = (0, 1, 2)
 # KoggerApp asks all of these once it knows the device: (id, version, payload).
@@ -105,6 +105,7 @@ class CommandForwarder:
         self._sonars = {channel: _Sonar(session) for channel, session in sessions.items()}
         self._wall_unix_s = wall_unix_s
         self._sleep = sleep
+        self._synchronising: dict[Channel, asyncio.Task[None]] = {}
 
     async def apply(self, channel: Channel, body: Mapping[str, object]) -> Outcome:
         """Bring a sonar to what is asked; returns once it was read back.
@@ -154,22 +155,30 @@ class CommandForwarder:
         self._note_read(sonar)
         self._conclude(sonar, "settings read")
 
+    def link_came_up(self) -> None:
+        """Mark both sonars and read everything, in the background."""
+        for channel in self._sonars:
+            self._begin_synchronising(channel)
+
+    def sonar_restarted(self, channel: Channel) -> None:
+        """Its settings may be other ones now."""
+        self._begin_synchronising(channel)
+
     async def keep_fresh(self, channel: Channel, link_up: Callable[[], bool]) -> None:
         """Re-read one thing after the other at a low rate, mark the sonar when it is not; until cancelled."""
         sonar = self._sonars[channel]
+        rounds = 0
         while True:
             for frame_id, version, payload in REFRESH_ROUND:
                 await self._sleep(REFRESH_PAUSE_S)
-                session = sonar.session
-                if not link_up() or not session.alive:
-                    continue
-                if session.marked is False or sonar.read_at_unix_s is None:
-                    await self.synchronise(channel)
-                    # Old firmware relays nothing: no answer, no mark, no use in asking every two seconds.
-                    await self._sleep(SILENT_PAUSE_S)
-                elif (frame_id, version) not in sonar.unanswered:
+                if link_up() and sonar.session.alive and (frame_id, version) not in sonar.unanswered:
                     await self._refresh(sonar, frame_id, version, payload)
-                    self._note_read(sonar)
+            rounds += 1
+            # A sonar that is silent, was never read or shows no MARK is tried again, but old firmware relays nothing
+            # and some never show the MARK: seldom is often enough.
+            lost = sonar.session.marked is False or not settings_of(sonar.session).is_timing_known
+            if link_up() and lost and rounds % SYNCHRONISE_ROUNDS == 0:
+                await self.synchronise(channel)
 
     def setting_changed_elsewhere(self, channel: Channel, frame_id: int) -> None:
         """KoggerApp set something: read it back."""
@@ -181,7 +190,7 @@ class CommandForwarder:
     def took(self, channel: Channel, frame: KoggerFrame) -> None:
         """The session took a frame: what is shown may have changed."""
         if frame.frame_id in READ_IDS and not frame.response:
-            self._sonars[channel].read_at_unix_s = self._wall_unix_s()
+            self._note_read(self._sonars[channel])
 
     def state(self) -> dict[str, Any]:
         """The answer of GET /api/sonar."""
@@ -192,10 +201,17 @@ class CommandForwarder:
 
     async def close(self) -> None:
         """End what is under way."""
-        batches = [sonar.batch for sonar in self._sonars.values() if sonar.batch is not None]
-        for batch in batches:
-            batch.cancel()
-        await asyncio.gather(*batches, return_exceptions=True)
+        tasks: list[asyncio.Task[Any]] = [sonar.batch for sonar in self._sonars.values() if sonar.batch is not None]
+        tasks += self._synchronising.values()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _begin_synchronising(self, channel: Channel) -> None:
+        running = self._synchronising.get(channel)
+        if running is None or running.done():
+            task = asyncio.create_task(self.synchronise(channel), name=f"sonar-{channel}-synchronise")
+            self._synchronising[channel] = task
 
     def _state(self, sonar: _Sonar) -> dict[str, Any]:
         return {
@@ -253,6 +269,8 @@ class CommandForwarder:
             # Some sonars do not know some of these; asked again when the link or the sonar comes back.
             sonar.unanswered.add((frame_id, version))
             logger.debug("sonar %s: %s", sonar.session.channel, error)
+        else:
+            sonar.unanswered.discard((frame_id, version))
 
     async def _act(self, session: SonarSession, action: str) -> str:
         if action == "refresh":

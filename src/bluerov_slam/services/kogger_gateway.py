@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import logging
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -106,7 +107,7 @@ class KoggerGateway:
         channel: Channel,
         session: SonarSession,
         send: Callable[[bytes, Address], None],
-        now_s: Callable[[], float],
+        now_s: Callable[[], float] = time.monotonic,
         route: int | None = None,
     ) -> None:
         self.channel = channel

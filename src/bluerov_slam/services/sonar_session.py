@@ -119,7 +119,7 @@ class SonarSession:
         return self._lock.locked()
 
     def heard(self, mark: bool) -> bool:
-        """Any frame of the sonar arrived; True when its MARK says that it restarted since it was marked."""
+        """Sonar data arrived; True when its MARK says that the sonar restarted since it was marked."""
         self._heard_s = self._now_s()
         restarted = self.marked is True and not mark
         self.restarts += restarted
@@ -132,6 +132,7 @@ class SonarSession:
         """An answer, a result or any other frame but a chart came from the sonar."""
         if frame.frame_type != FrameType.CONTENT:
             return
+        self._heard_s = self._now_s()
         if not frame.response and frame.frame_id not in STREAMED_IDS:
             self._answers[_answer_key(frame)] = Answer(frame, self._now_s())
         awaited = self._awaited
