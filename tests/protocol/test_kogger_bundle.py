@@ -201,6 +201,14 @@ def test_packer_hands_out_a_payload_as_soon_as_it_is_full() -> None:
     assert packer.end() == []
 
 
+def test_chunks_that_would_crash_koggerapp_are_left_out() -> None:
+    kept, refused = ChartChunk(19_799, 20, 0, bytes(200)), ChartChunk(19_800, 20, 0, bytes(200))
+
+    (payload,) = compress_ping(Channel.A, [kept, refused], ping_number=0, t_us=0)
+
+    assert expanded(payload).chunks == (kept,)
+
+
 def test_every_truncation_and_extension_is_an_unknown_layout() -> None:
     payload = compress_ping(Channel.A, ping_chunks(600), ping_number=0, t_us=0)[0]
 

@@ -223,12 +223,12 @@ def test_without_a_learned_period_a_pause_splits_nothing() -> None:
     assert assembler.pending[0].filled == 100
 
 
-def test_flush_waits_one_and_a_half_periods_after_the_last_chunk() -> None:
+def test_flush_waits_half_a_second_and_one_and_a_half_periods_after_the_last_chunk() -> None:
     assembler = PingAssembler(Channel.A)
     last_s = with_learned_period(assembler) - PERIOD_S
 
-    assert assembler.flush(last_s + 1.49 * PERIOD_S) == []
-    (ping,) = assembler.flush(last_s + 1.51 * PERIOD_S)
+    assert assembler.flush(last_s + 0.5 + 1.49 * PERIOD_S) == []
+    (ping,) = assembler.flush(last_s + 0.5 + 1.51 * PERIOD_S)
 
     assert ping.samples.size == 60
     assert assembler.counters.flushed == 1
@@ -245,18 +245,18 @@ def test_flush_waits_a_second_while_the_period_is_unknown() -> None:
 
 @pytest.mark.parametrize("numbered", [False, True])
 def test_when_flush_is_called_changes_nothing_in_the_pings(numbered: bool) -> None:
-    """A stall of three periods in the middle of a ping, with and without flush called during it."""
+    """A stall of ten periods in the middle of a ping, with and without flush called during it."""
 
     def run(flush_during_stall: bool) -> list[tuple[int, bytes, tuple[tuple[int, int], ...], float]]:
         assembler = PingAssembler(Channel.A)
         pings: list[Ping] = []
         for index in range(12):
-            at_s = index * PERIOD_S + (0.3 if index > 6 else 0.0)
+            at_s = index * PERIOD_S + (1.0 if index > 6 else 0.0)
             chunks = chunks_of_ping(60, index)
             number = index if numbered else None
             pings += assembler.feed_chunks(chunks[:2], at_s, at_s, ping_number=number)
             if index == 6:
-                at_s += 0.3
+                at_s += 1.0
                 if flush_during_stall:
                     pings += assembler.flush(at_s - 0.01)
             pings += assembler.feed_chunks(chunks[2:], at_s, at_s, ping_number=number)
@@ -264,6 +264,18 @@ def test_when_flush_is_called_changes_nothing_in_the_pings(numbered: bool) -> No
         return [(ping.number, ping.samples.tobytes(), ping.gaps, ping.measured_s) for ping in pings]
 
     assert run(flush_during_stall=True) == run(flush_during_stall=False)
+
+
+def test_a_host_that_reads_half_a_ping_late_does_not_cut_it() -> None:
+    """The device's clock says that there was no pause."""
+    assembler = PingAssembler(Channel.A)
+    due_s = with_learned_period(assembler)
+    chunks = chunks_of_ping(100)
+
+    assembler.feed_chunks(chunks[:2], due_s, due_s)
+    assembler.feed_chunks(chunks[2:], due_s + 0.01, due_s + 0.4)
+
+    assert assembler.pending[0].filled == 100
 
 
 def test_change_of_resolution_or_first_sample_ends_a_ping_without_guessing_its_tail() -> None:

@@ -203,7 +203,7 @@ class BundlePacker:
     """Chart chunks of one sonar channel to 0x04 payloads, as the firmware does it: one chunk at a time.
 
     A payload goes out when the next chunk does not fit, and when the ping ends. Chunks larger than a payload are cut
-    at a group boundary.
+    at a group boundary; chunks that reach `MAX_PING_BYTES`, on which KoggerApp crashes, are left out.
     """
 
     def __init__(
@@ -231,6 +231,8 @@ class BundlePacker:
     def add(self, chunk: ChartChunk) -> list[bytes]:
         """Take the next chunk of the ping; return the payloads that are now full."""
         payloads: list[bytes] = []
+        if chunk.seq_offset + len(chunk.samples) >= MAX_PING_BYTES:
+            return payloads
         for piece in self._pieces(chunk):
             if self._chunks and self._size + len(piece) > self.payload_limit:
                 payloads.append(self._payload(last=False))

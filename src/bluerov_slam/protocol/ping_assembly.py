@@ -26,8 +26,11 @@ MAX_PING_BYTES = 20_000
 _CHART_HEADER = struct.Struct("<3H")
 _CHART_SETUP = struct.Struct("<3H")
 _MAX_ROUTES = 8
-_DEFAULT_TIMEOUT_S = 1.0
+# A ping that stays open longer has lost its end. A host that hiccups reads the rest of a ping late, not never.
+_HOST_PAUSE_S = 0.5
 _TIMEOUT_PERIODS = 1.5
+_DEFAULT_TIMEOUT_S = 1.0
+_MAX_TIMEOUT_S = 2.0
 _PERIODS_KEPT = 9
 _PERIODS_TO_TRUST = 3
 _SHORT_PINGS_TO_DISBELIEVE = 5
@@ -148,7 +151,7 @@ class _Fill:
     def timeout_s(self) -> float:
         if self.period_s is None:
             return _DEFAULT_TIMEOUT_S
-        return min(_DEFAULT_TIMEOUT_S, _TIMEOUT_PERIODS * self.period_s)
+        return min(_MAX_TIMEOUT_S, _HOST_PAUSE_S + _TIMEOUT_PERIODS * self.period_s)
 
     def _learn_period(self, starts_at_zero: bool, measured_s: float) -> None:
         if not starts_at_zero:
@@ -231,7 +234,7 @@ class PingAssembler:
         return pings
 
     def flush(self, now_s: float) -> list[Ping]:
-        """Emit the pings to which nothing was added for one and a half periods (one second while that is unknown)."""
+        """Emit pings to which nothing came for 0.5 s and one and a half periods (1 s while the period is unknown)."""
         pings: list[Ping] = []
         for fill in self._fills.values():
             if fill.filled and fill.timed_out(now_s):
