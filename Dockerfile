@@ -50,11 +50,12 @@ CMD ["bluerov-slam", "run"]
 
 ARG VERSION=0.1.0
 LABEL version="${VERSION}"
+# Not privileged: /dev with its serial ports (188 ttyUSB, 166 ttyACM, 204 ttyAMA) is all the hardware it needs.
 LABEL permissions='{\
 "NetworkMode": "host",\
 "HostConfig": {\
 "NetworkMode": "host",\
-"Privileged": true,\
+"DeviceCgroupRules": ["c 188:* rmw", "c 166:* rmw", "c 204:* rmw"],\
 "Binds": [\
 "/dev:/dev",\
 "/usr/blueos/extensions/bluerov-slam:/usr/blueos/extensions/bluerov-slam",\

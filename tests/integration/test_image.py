@@ -3,6 +3,7 @@
 import json
 import os
 import socket
+import stat
 import subprocess
 import time
 import urllib.request
@@ -108,6 +109,21 @@ def test_the_health_check_command_agrees(container):
     name, _ = container
     answer = podman("exec", name, "bluerov-slam", "health")
     assert answer.stdout.split() == ["extension:", "healthy", "viewer:", "healthy"]
+
+
+def test_the_labels_permissions_open_serial_ports_without_privileges(tmp_path):
+    """A node whose driver is missing answers ENXIO to who may open it, EPERM to who may not."""
+    os.mknod(tmp_path / "ttyUSB0", 0o660 | stat.S_IFCHR, os.makedev(188, 0))
+    labels = json.loads(podman("image", "inspect", IMAGE).stdout)[0]["Labels"]
+    host = json.loads(labels["permissions"])["HostConfig"]
+    rules = [option for rule in host["DeviceCgroupRules"] for option in ("--device-cgroup-rule", rule)]
+    probe = "import os; os.open('/hostdev/ttyUSB0', os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)"
+    run = ("run", "--rm", "--volume", f"{tmp_path}:/hostdev")
+    allowed = podman(*run, *rules, IMAGE, "python3", "-c", probe, check=False)
+    refused = podman(*run, IMAGE, "python3", "-c", probe, check=False)
+    assert "Errno 6" in allowed.stderr
+    assert "Errno 1" in refused.stderr
+    assert not host.get("Privileged")
 
 
 def test_labels_are_what_the_store_and_kraken_read():
