@@ -28,6 +28,8 @@ FORWARD_TOLERANCE_US = 5_000_000
 # An ESP32 crystal is good to 40 ppm; a fitted slope beyond this is noise.
 MAX_DRIFT = 200e-6
 _MIN_BUCKETS_FOR_DRIFT = 6
+# The frames of one ping carry the same stamp; the later ones tell nothing new.
+_SAME_STAMP_S = 60.0
 
 
 class DeviceClock:
@@ -40,6 +42,9 @@ class DeviceClock:
         self._echo_offset_s: float | None = None
         self._closed: deque[tuple[float, float]] = deque(maxlen=BUCKETS)
         self._open: tuple[float, float] | None = None
+        self._same_us: int | None = None
+        self._same_arrived_s = 0.0
+        self._same_s = 0.0
         self._forget()
 
     @property
@@ -62,14 +67,23 @@ class DeviceClock:
 
     def map_us32(self, t_us: int, arrived_s: float) -> float:
         """Host time of a stamp in device microseconds modulo 2^32 that arrived at `arrived_s`."""
-        if self._last_us is None:
+        if t_us == self._same_us and 0 <= arrived_s - self._same_arrived_s < _SAME_STAMP_S:
+            return self._same_s
+        last_us = self._last_us
+        if last_us is None:
             self._start(t_us, arrived_s)
-        device_us = self._unwrapped(t_us, arrived_s)
-        if self._is_reset(device_us, arrived_s):
+            last_us = t_us
+        # The 64-bit time nearest to where the device's clock must be by now.
+        elapsed_us = int((arrived_s - self._last_arrived_s) * 1e6)
+        ahead_us = (t_us - last_us - elapsed_us + _HALF) % _WRAP - _HALF
+        device_us = last_us + elapsed_us + ahead_us
+        if self._is_reset(device_us, ahead_us, arrived_s):
             self.restart()
             self._start(t_us, arrived_s)
             device_us = t_us
-        return self._map(device_us, arrived_s)
+        self._same_us, self._same_arrived_s = t_us, arrived_s
+        self._same_s = self._map(device_us, arrived_s)
+        return self._same_s
 
     def map_ms32(self, t_ms: int, arrived_s: float) -> float:
         """Host time of a stamp in device milliseconds modulo 2^32; also tells a reset that microseconds hide."""
@@ -100,7 +114,8 @@ class DeviceClock:
         self._last_ms = None
         self._closed.clear()
         self._open = None
-        self._open_number = 0
+        self._open_ends_s = 0.0
+        self._same_us = None
         self._anchor_s = 0.0
         self._base_offset_s = float("inf")
         self._slope = 0.0
@@ -109,44 +124,41 @@ class DeviceClock:
     def _start(self, t_us: int, arrived_s: float) -> None:
         self._last_us, self._last_arrived_s = t_us, arrived_s
         self._anchor_s = t_us / 1e6
-        self._open_number = int(self._anchor_s // BUCKET_S)
+        self._open_ends_s = (self._anchor_s // BUCKET_S + 1) * BUCKET_S
 
-    def _unwrapped(self, t_us: int, arrived_s: float) -> int:
-        """The 64-bit time nearest to where the device's clock must be by now."""
-        assert self._last_us is not None
-        expected_us = self._last_us + int((arrived_s - self._last_arrived_s) * 1e6)
-        return expected_us + (t_us - expected_us + _HALF) % _WRAP - _HALF
-
-    def _is_reset(self, device_us: int, arrived_s: float) -> bool:
-        assert self._last_us is not None
-        if device_us < self._last_us - BACKWARD_TOLERANCE_US:
+    def _is_reset(self, device_us: int, ahead_us: int, arrived_s: float) -> bool:
+        if self._last_us is None or device_us < self._last_us - BACKWARD_TOLERANCE_US:
             return True
-        elapsed_us = (arrived_s - self._last_arrived_s) * 1e6
-        # Bytes that waited while the host was paused arrive late all at once, so the reference is the envelope.
-        envelope_us = (arrived_s - self._offset_at(device_us / 1e6)) * 1e6
-        ahead_us = min(device_us - self._last_us - elapsed_us, device_us - envelope_us)
-        return ahead_us > FORWARD_TOLERANCE_US
+        # Bytes that waited while the host was paused arrive late all at once and the next ones are far ahead of them,
+        # but not ahead of the envelope.
+        return (
+            ahead_us > FORWARD_TOLERANCE_US
+            and device_us / 1e6 + self._offset_at(device_us / 1e6) - arrived_s > FORWARD_TOLERANCE_US / 1e6
+        )
 
     def _map(self, device_us: int, arrived_s: float) -> float:
         device_s = device_us / 1e6
         if self._last_us is None or device_us >= self._last_us:
             self._last_us, self._last_arrived_s = device_us, arrived_s
         offset_s = arrived_s - device_s
-        self._collect(device_s, offset_s)
-        if offset_s < self._offset_at(device_s):
+        if self._open is None or offset_s < self._open[1] or device_s >= self._open_ends_s:
+            self._collect(device_s, offset_s)
+        envelope_s = self._offset_at(device_s)
+        if offset_s < envelope_s:
             self._anchor_s, self._base_offset_s = device_s, offset_s
-        return device_s + self._offset_at(device_s)
+            return arrived_s
+        return device_s + envelope_s
 
     def _offset_at(self, device_s: float) -> float:
         return self._base_offset_s + self._slope * (device_s - self._anchor_s)
 
     def _collect(self, device_s: float, offset_s: float) -> None:
-        number = int(device_s // BUCKET_S)
-        if number > self._open_number:
+        if device_s >= self._open_ends_s:
             if self._open is not None:
                 self._closed.append(self._open)
                 self._fit(device_s)
-            self._open, self._open_number = None, number
+            self._open = None
+            self._open_ends_s = (device_s // BUCKET_S + 1) * BUCKET_S
         if self._open is None or offset_s < self._open[1]:
             self._open = (device_s, offset_s)
 

@@ -24,6 +24,7 @@ from bluerov_slam.protocol.esp32_messages import (
     unpack_status,
 )
 from bluerov_slam.protocol.esp32_records import device_status, gps_fix, imu_burst
+from bluerov_slam.protocol.even_bundle import expand_even
 from bluerov_slam.protocol.kogger_bundle import UnknownLayout, expand
 from bluerov_slam.protocol.sensor_frame import unpack_sensors
 from bluerov_slam.records import Channel, CommandAck, UnknownFrame
@@ -180,7 +181,7 @@ class LinkDecoder:
         return True
 
     def _on_compressed(self, payload: bytes, arrived_s: float, records: list[Record]) -> bool:
-        bundle = expand(payload)
+        bundle = expand_even(payload) or expand(payload)
         if isinstance(bundle, UnknownLayout):
             self._unknown_layouts += 1
             self._unknown_layout_reason = bundle.reason

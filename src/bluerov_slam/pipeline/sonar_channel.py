@@ -11,6 +11,7 @@ from bluerov_slam.protocol.ping_assembly import PingAssembler
 from bluerov_slam.records import Ping, SonarFrames
 
 if TYPE_CHECKING:
+    from bluerov_slam.protocol.even_bundle import EvenBundle
     from bluerov_slam.protocol.kogger_bundle import Bundle
     from bluerov_slam.protocol.kogger_frame import ChecksumChoice
     from bluerov_slam.records import Channel, Record
@@ -66,7 +67,12 @@ class SonarChannel:
             self._keep(self._assembler.feed(frame, measured_s, arrived_s), records)
 
     def feed_bundle(
-        self, bundle: Bundle, payload_bytes: int, measured_s: float, arrived_s: float, records: list[Record]
+        self,
+        bundle: Bundle | EvenBundle,
+        payload_bytes: int,
+        measured_s: float,
+        arrived_s: float,
+        records: list[Record],
     ) -> None:
         """One expanded KOGGER_COMPRESSED payload; appends its frames and what it completes."""
         self._bytes += payload_bytes

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _FOLD_MAX_BYTES = 256
 _SCALAR_MAX_BYTES = 40
 _MAX_KOGGER_BYTES = 4096
+_LOW_1024, _LOW_512, _LOW_256, _LOW_128, _LOW_64 = [(1 << bits) - 1 for bits in (1024, 512, 256, 128, 64)]
 
 # A byte that is followed by k more bytes enters the second sum k + 1 times.
 _WEIGHTS_U8 = np.arange(_MAX_KOGGER_BYTES, 0, -1).astype(np.uint8)
@@ -25,17 +26,17 @@ _WEIGHTS_I64 = np.arange(_MAX_KOGGER_BYTES, 0, -1).astype(np.int64)
 
 def xor8(data: bytes | bytearray | memoryview) -> int:
     """Exclusive or of all bytes, the AA55 frame check. Empty data gives 0."""
-    count = len(data)
-    if count > _FOLD_MAX_BYTES:
+    if len(data) > _FOLD_MAX_BYTES:
         return int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8)))
     folded = int.from_bytes(data, "little")
-    width_bits = 8
-    while width_bits < count * 8:
-        width_bits *= 2
-    while width_bits > 8:
-        width_bits //= 2
-        folded ^= folded >> width_bits
-    return folded & 0xFF
+    folded = (folded >> 1024) ^ (folded & _LOW_1024)
+    folded = (folded >> 512) ^ (folded & _LOW_512)
+    folded = (folded >> 256) ^ (folded & _LOW_256)
+    folded = (folded >> 128) ^ (folded & _LOW_128)
+    folded = (folded >> 64) ^ (folded & _LOW_64)
+    folded ^= folded >> 32
+    folded ^= folded >> 16
+    return (folded ^ folded >> 8) & 0xFF
 
 
 def kogger_mod256(data: bytes | bytearray | memoryview) -> bytes:

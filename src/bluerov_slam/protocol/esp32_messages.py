@@ -74,19 +74,6 @@ def config_allowed(key: int, value: int) -> bool:
     return key in _CONFIG_RANGES and value in _CONFIG_RANGES[ConfigKey(key)]
 
 
-@dataclass(frozen=True, slots=True)
-class LengthRule:
-    """Payload lengths a type can have: `minimum`, `minimum + step`, ... up to `maximum`."""
-
-    minimum: int
-    maximum: int
-    step: int = 1
-
-    def allows(self, length: int) -> bool:
-        """Whether a payload of this type can be that long."""
-        return self.minimum <= length <= self.maximum and (length - self.minimum) % self.step == 0
-
-
 _IMU_SAMPLE_BYTES = 18
 _IMU_HEADER = struct.Struct("<IIBB")
 _STATUS = struct.Struct("<BBBBIHBBIIIIIIIHHHHHQI")
@@ -100,36 +87,40 @@ _MAX_CONFIG_PAIRS = 8
 _MAX_IMU_SAMPLES = 64
 _MAX_RECEIVERS = 16
 
+
+def _lengths(minimum: int, maximum: int, step: int = 1) -> range:
+    return range(minimum, maximum + 1, step)
+
+
 # A false header is refused early by the length its type cannot have. STATUS may grow in later layout versions; what
 # an old firmware puts into 0x04 is not known, so its length is free.
-_LENGTH_RULES = {
-    MessageType.SENSORS: LengthRule(76, 76),
-    MessageType.KOGGER_RAW_A: LengthRule(4 + _BB55_MIN_BYTES, MAX_PAYLOAD_BYTES),
-    MessageType.KOGGER_RAW_B: LengthRule(4 + _BB55_MIN_BYTES, MAX_PAYLOAD_BYTES),
-    MessageType.KOGGER_COMPRESSED: LengthRule(1, MAX_PAYLOAD_BYTES),
-    MessageType.IMU_BURST: LengthRule(
+_LENGTHS = {
+    MessageType.SENSORS: _lengths(76, 76),
+    MessageType.KOGGER_RAW_A: _lengths(4 + _BB55_MIN_BYTES, MAX_PAYLOAD_BYTES),
+    MessageType.KOGGER_RAW_B: _lengths(4 + _BB55_MIN_BYTES, MAX_PAYLOAD_BYTES),
+    MessageType.KOGGER_COMPRESSED: _lengths(1, MAX_PAYLOAD_BYTES),
+    MessageType.IMU_BURST: _lengths(
         _IMU_HEADER.size + _IMU_SAMPLE_BYTES, _IMU_HEADER.size + _MAX_IMU_SAMPLES * _IMU_SAMPLE_BYTES, _IMU_SAMPLE_BYTES
     ),
-    MessageType.STATUS: LengthRule(_STATUS.size, _STATUS_MAX_BYTES),
-    MessageType.COMMAND_ACK: LengthRule(_ACK.size, _ACK.size),
-    MessageType.ACOUSTIC_TDOA: LengthRule(4 + 6 * 2, 4 + 6 * _MAX_RECEIVERS, 6),
-    MessageType.ACOUSTIC_RECORD: LengthRule(22, 512),
-    MessageType.ACOUSTIC_MESSAGE: LengthRule(6, 261),
-    MessageType.GPS: LengthRule(_GPS.size, _GPS.size),
-    MessageType.KOGGER_COMMAND_A: LengthRule(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
-    MessageType.KOGGER_COMMAND_B: LengthRule(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
-    MessageType.CONFIG: LengthRule(1 + _CONFIG_PAIR.size, 1 + _MAX_CONFIG_PAIRS * _CONFIG_PAIR.size, _CONFIG_PAIR.size),
-    MessageType.TIME_SYNC: LengthRule(_TIME_SYNC.size, _TIME_SYNC.size),
+    MessageType.STATUS: _lengths(_STATUS.size, _STATUS_MAX_BYTES),
+    MessageType.COMMAND_ACK: _lengths(_ACK.size, _ACK.size),
+    MessageType.ACOUSTIC_TDOA: _lengths(4 + 6 * 2, 4 + 6 * _MAX_RECEIVERS, 6),
+    MessageType.ACOUSTIC_RECORD: _lengths(22, 512),
+    MessageType.ACOUSTIC_MESSAGE: _lengths(6, 261),
+    MessageType.GPS: _lengths(_GPS.size, _GPS.size),
+    MessageType.KOGGER_COMMAND_A: _lengths(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
+    MessageType.KOGGER_COMMAND_B: _lengths(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
+    MessageType.CONFIG: _lengths(1 + _CONFIG_PAIR.size, 1 + _MAX_CONFIG_PAIRS * _CONFIG_PAIR.size, _CONFIG_PAIR.size),
+    MessageType.TIME_SYNC: _lengths(_TIME_SYNC.size, _TIME_SYNC.size),
 }
-_RULE_OF_TYPE = tuple(
-    _LENGTH_RULES[MessageType(code)] if code in _LENGTH_RULES else LengthRule(0, MAX_PAYLOAD_BYTES)
-    for code in range(256)
+_LENGTHS_OF_TYPE = tuple(
+    _LENGTHS[MessageType(code)] if code in _LENGTHS else _lengths(0, MAX_PAYLOAD_BYTES) for code in range(256)
 )
 
 
 def _total_bytes(buffer: bytes, start: int) -> int | None:
     length = buffer[start + 3] << 8 | buffer[start + 4]
-    return length + _OVERHEAD_BYTES if _RULE_OF_TYPE[buffer[start + 2]].allows(length) else None
+    return length + _OVERHEAD_BYTES if length in _LENGTHS_OF_TYPE[buffer[start + 2]] else None
 
 
 def _is_intact(frame: bytes) -> bool:

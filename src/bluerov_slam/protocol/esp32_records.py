@@ -20,19 +20,20 @@ if TYPE_CHECKING:
 # WitMotion HWT905: full scale 16 g and 2000 deg/s over 16 signed bits.
 ACCELERATION_PER_COUNT_MPS2 = 16 * STANDARD_GRAVITY_MPS2 / 32768
 ANGULAR_RATE_PER_COUNT_RADPS = math.radians(2000) / 32768
+_PER_COUNT = np.array([ACCELERATION_PER_COUNT_MPS2] * 3 + [ANGULAR_RATE_PER_COUNT_RADPS] * 3)
 
 _HDOP_MAX_X100 = U16_MAX - 1
 
 
 def imu_burst(fields: ImuBurstFields, measured_s: float, arrived_s: float) -> ImuBurst:
     """The record of an IMU_BURST with `ImuScale.HWT905_RAW`."""
-    scaled = fields.samples[:, :6].astype(np.float64)
+    scaled = fields.samples[:, :6] * _PER_COUNT
     return ImuBurst(
         measured_s=measured_s,
         arrived_s=arrived_s,
         interval_s=fields.dt_us / 1e6,
-        acceleration_mps2=scaled[:, :3] * ACCELERATION_PER_COUNT_MPS2,
-        angular_rate_radps=scaled[:, 3:] * ANGULAR_RATE_PER_COUNT_RADPS,
+        acceleration_mps2=scaled[:, :3],
+        angular_rate_radps=scaled[:, 3:],
         magnetic_field_raw=fields.samples[:, 6:],
     )
 
