@@ -1,0 +1,101 @@
+// @ts-check
+// Any counter the services report, as a label and a text. What a later version adds shows without a change here.
+
+import { UNKNOWN, age, bytes, count, duration, fixed, isKnown, signed } from '../shared/format.js';
+import { wordsOf } from './setting_values.js';
+
+/** @type {Record<string, string>} */
+const FRAME_TYPES = {
+  1: '0x01 SENSORS',
+  2: '0x02 KOGGER_RAW_A',
+  3: '0x03 KOGGER_RAW_B',
+  4: '0x04 KOGGER_COMPRESSED',
+  5: '0x05 IMU_BURST',
+  6: '0x06 STATUS',
+  7: '0x07 COMMAND_ACK',
+  8: '0x08 ACOUSTIC_TDOA',
+  9: '0x09 ACOUSTIC_RECORD',
+  10: '0x0A ACOUSTIC_MESSAGE',
+  11: '0x0B GPS',
+};
+
+/**
+ * @param {string} key
+ * @param {unknown} value
+ * @returns {string}
+ */
+export function counterText(key, value) {
+  if (value === null || value === undefined || value === '') return UNKNOWN;
+  if (typeof value === 'boolean') return value ? 'yes' : 'no';
+  if (typeof value === 'string') return value;
+  if (Array.isArray(value))
+    return value.length === 0 ? 'none' : value.map((item) => counterText('', item)).join(', ');
+  if (!isKnown(value)) return typeof value === 'object' ? JSON.stringify(value) : UNKNOWN;
+  if (key.endsWith('bytes_per_s')) return `${bytes(value)}/s`;
+  if (key.endsWith('bytes') || key === 'bytes_skipped') return bytes(value);
+  if (key === 'uptime_s') return duration(value);
+  if (key.endsWith('seconds_left') || key === 'last_heard_s') return age(value);
+  if (key.endsWith('_offset_s')) return `${signed(value, 3)} s`;
+  if (key.endsWith('_per_s')) return `${fixed(value, 1)} /s`;
+  if (key.endsWith('percent')) return `${fixed(value, Number.isInteger(value) ? 0 : 1)} %`;
+  if (key.endsWith('_ppm')) return `${signed(value, 1)} ppm`;
+  if (key.endsWith('_mm')) return `${fixed(value)} mm`;
+  if (key.endsWith('_m')) return `${fixed(value, 1)} m`;
+  if (key.endsWith('_s')) return `${fixed(value, 1)} s`;
+  return Number.isInteger(value) ? count(value) : fixed(value, 2);
+}
+
+/**
+ * The counters of one part as rows; objects inside are spread out.
+ * @param {Record<string, any> | null | undefined} part
+ * @returns {Array<[string, string]>}
+ */
+export function counterRows(part) {
+  /** @type {Array<[string, string]>} */
+  const rows = [];
+  for (const [key, value] of Object.entries(part ?? {})) {
+    if (typeof value === 'object' && value !== null && !Array.isArray(value)) {
+      for (const [name, inner] of Object.entries(value)) {
+        const label =
+          key === 'frames_by_type' ? (FRAME_TYPES[name] ?? `Type ${name}`) : `${wordsOf(key)}, ${name}`;
+        rows.push([label, counterText(name, inner)]);
+      }
+    } else {
+      rows.push([wordsOf(key), counterText(key, value)]);
+    }
+  }
+  return rows;
+}
+
+/**
+ * The parts of the status that are counters, each with a title.
+ * @param {Record<string, any>} status
+ * @returns {Array<[string, Array<[string, string]>]>}
+ */
+export function counterParts(status) {
+  /** @type {Array<[string, Record<string, any> | null | undefined]>} */
+  const parts = [
+    ['Link', status.link],
+    ['Sonar A, starboard', status.sonars?.A],
+    ['Sonar B, port', status.sonars?.B],
+    ['Firmware', status.firmware],
+    ['Recorder', status.recorder],
+    ['MAVLink', status.mavlink],
+    ['Clock', status.clock],
+    ...forwardingParts(status.forwarding),
+    [
+      'Versions',
+      { ...status.versions, clients: status.clients, source: status.source, simulated: status.simulated },
+    ],
+  ];
+  return parts.map(([title, part]) => [title, part ? counterRows(part) : [['Has not reported', UNKNOWN]]]);
+}
+
+/**
+ * @param {unknown} forwarding
+ * @returns {Array<[string, Record<string, any>]>}
+ */
+function forwardingParts(forwarding) {
+  if (!Array.isArray(forwarding)) return [];
+  return forwarding.map(({ target, channel, ...rest }) => [`UDP ${channel} to ${target}`, rest]);
+}

@@ -1,0 +1,217 @@
+// @ts-check
+// The live page: instruments, values, plots.
+
+import { make, setAttribute, setText } from '../shared/dom.js';
+import { fixed, isKnown, signed } from '../shared/format.js';
+import { Attitude } from './attitude.js';
+import { Compass } from './compass.js';
+import { DepthGauge } from './depth_gauge.js';
+import { DepthProfile } from './depth_profile.js';
+import { DepthRate } from './depth_rate.js';
+import { fixWord } from './fields.js';
+import { History } from './history.js';
+import { GPS_CELLS, LINK_ITEMS, SCIENCE_CELLS, SONAR_ROWS } from './live_layout.js';
+import {
+  cards,
+  cellList,
+  headingTexts,
+  hero,
+  instrumentCanvas,
+  sonarTable,
+  statusCells,
+} from './live_layout.js';
+import { ageS } from './model.js';
+import { ProfilePlot } from './profile_plot.js';
+import { QUANTITIES, TimePlots } from './time_plots.js';
+import { ValueCell } from './value_cell.js';
+
+/** @typedef {import('./model.js').Model} Model */
+
+export class LivePage {
+  /**
+   * @param {HTMLElement} root
+   * @param {Model} model
+   */
+  constructor(root, model) {
+    this.model = model;
+    this.cards = cards();
+    this.history = new History(QUANTITIES.map((quantity) => quantity.key));
+    this.profile = new DepthProfile();
+    this.rate = new DepthRate();
+    this.row = new Array(QUANTITIES.length);
+    this.cells = [new ValueCell('roll', (v) => signed(v, 1)), new ValueCell('pitch', (v) => signed(v, 1))];
+    this.buildInstruments();
+    this.buildPanels();
+    this.plots = new TimePlots(this.cards.plots, this.history, model);
+    this.profilePlot = new ProfilePlot(this.cards.profile, this.profile);
+    const { attitude, heading, depth, plots, profile, ctd, gps, sonars, link } = this.cards;
+    root.append(
+      make('div', { class: 'live-left' }, attitude.root, heading.root, depth.root),
+      make('div', { class: 'live-centre' }, plots.root, profile.root),
+      make('div', { class: 'live-right' }, ctd.root, gps.root, sonars.root, link.root),
+    );
+  }
+
+  buildInstruments() {
+    const horizon = instrumentCanvas('Artificial horizon');
+    this.attitude = new Attitude(horizon);
+    this.cards.attitude.add(horizon, cellList(...this.cells));
+    const card = instrumentCanvas('Compass');
+    this.compass = new Compass(card);
+    this.heading = hero('\u00b0');
+    this.point = make('span', { class: 'point' });
+    this.cards.heading.add(
+      make(
+        'div',
+        { class: 'dial' },
+        card,
+        make('div', { class: 'dial-middle' }, this.heading.root, this.point),
+      ),
+      make('p', { class: 'hint', text: "The IMU's own, magnetic" }),
+    );
+    const column = instrumentCanvas('Depth gauge');
+    this.gauge = new DepthGauge(column);
+    this.depth = hero('m');
+    this.rateNumber = make('span', { class: 'number', text: '-' });
+    this.rateWord = make('span', { class: 'rate-word' });
+    this.deepest = make('span', { class: 'number', text: '-' });
+    const small = (/** @type {string} */ label, /** @type {Node[]} */ ...nodes) =>
+      make('div', { class: 'cell' }, make('dt', { text: label }), make('dd', {}, ...nodes));
+    const unit = (/** @type {string} */ text) => make('span', { class: 'unit', text });
+    this.cards.depth.add(
+      make(
+        'div',
+        { class: 'depth' },
+        column,
+        make(
+          'div',
+          { class: 'depth-texts' },
+          this.depth.root,
+          make(
+            'dl',
+            {},
+            small('Rate, estimated', this.rateNumber, unit('m/s'), this.rateWord),
+            small('Deepest seen', this.deepest, unit('m')),
+          ),
+        ),
+      ),
+    );
+  }
+
+  buildPanels() {
+    const science = SCIENCE_CELLS();
+    const gps = GPS_CELLS();
+    this.cells.push(...science, ...gps);
+    this.cards.ctd.add(cellList(...science));
+    this.fix = make('span', { class: 'fix', dataset: { fix: 'unknown' }, text: 'Unknown' });
+    this.cards.gps.head.insertBefore(this.fix, this.cards.gps.ageText);
+    this.cards.gps.add(cellList(...gps));
+    const { table, cells } = sonarTable();
+    this.sonarCells = cells;
+    this.cards.sonars.add(table);
+    this.linkCells = statusCells();
+    this.loadNumber = make('span', { class: 'number', text: '-' });
+    this.load = make('meter', { min: 0, max: 100, high: 90, 'aria-label': 'Load of the serial link' });
+    this.port = make('p', { class: 'hint port' });
+    this.cards.link.add(
+      make(
+        'p',
+        { class: 'load' },
+        make('span', { text: 'Load' }),
+        this.load,
+        this.loadNumber,
+        make('span', { text: '%' }),
+      ),
+      this.linkCells.root,
+      this.port,
+    );
+  }
+
+  /** @param {number} nowMs */
+  onSensors(nowMs) {
+    const { model } = this;
+    const value = (/** @type {string} */ key) => model.reading(key).value;
+    this.rate.add(model.sensors?.ts, value('depth'));
+    this.profile.add(value('depth'), value('temperature'), value('soundSpeed'));
+    QUANTITIES.forEach((quantity, i) => (this.row[i] = value(quantity.key)));
+    this.history.append(nowMs / 1000, this.row);
+    this.attitude?.show(value('roll'), value('pitch'));
+    this.compass?.show(value('heading'));
+    this.gauge?.show(value('depth'));
+    this.showTexts();
+    this.refresh(nowMs);
+  }
+
+  showTexts() {
+    const { model, heading, point, depth, rateNumber, rateWord, deepest, fix } = this;
+    if (!heading || !point || !depth || !rateNumber || !rateWord || !deepest || !fix) return;
+    const texts = headingTexts(model.reading('heading').value);
+    setText(heading.number, texts.degrees);
+    setText(point, texts.point);
+    setText(depth.number, fixed(model.reading('depth').value, 2));
+    const rate = this.rate.mps();
+    setText(rateNumber, signed(rate, 2));
+    setText(
+      rateWord,
+      rate === null || Math.abs(rate) < 0.03 ? '' : rate > 0 ? '\u25bc sinking' : '\u25b2 rising',
+    );
+    setText(deepest, this.gauge && this.profile.deepest >= 0 ? fixed(this.gauge.deepestM, 2) : '-');
+    const word = fixWord(model.sensors, model.extra);
+    setText(fix, word);
+    setAttribute(fix, 'data-fix', word === 'No fix' ? 'none' : word.endsWith('ix') ? 'yes' : 'unknown');
+  }
+
+  onStatus() {
+    const status = this.model.status ?? {};
+    LINK_ITEMS.forEach((item, i) => this.linkCells && setText(this.linkCells.numbers[i], item.text(status)));
+    SONAR_ROWS.forEach(([, , text], row) => {
+      const cells = this.sonarCells?.[row];
+      if (!cells) return;
+      setText(cells[0], text(status.sonars?.A ?? {}));
+      setText(cells[1], text(status.sonars?.B ?? {}));
+    });
+    const load = status.link?.load_percent;
+    if (this.loadNumber) setText(this.loadNumber, fixed(load, 0));
+    if (this.load) this.load.value = isKnown(load) ? load : 0;
+    const port = status.link?.by_id || status.link?.port;
+    if (this.port)
+      setText(
+        this.port,
+        port ? `${port}${isKnown(status.link?.baud) ? `, ${status.link.baud} baud` : ''}` : '-',
+      );
+  }
+
+  /**
+   * Ages, health, and plots that move on: a few times a second.
+   * @param {number} nowMs
+   */
+  refresh(nowMs) {
+    const { model, cards: all } = this;
+    for (const cell of this.cells) cell.update(model, nowMs);
+    const sensors = ageS(model.sensorsAtMs, nowMs);
+    const status = ageS(model.statusAtMs, nowMs);
+    const since = (/** @type {string} */ key) => ageS(model.reading(key).atMs, nowMs);
+    all.attitude.update(model.status, since('roll'));
+    all.heading.update(model.status, since('heading'));
+    all.depth.update(model.status, since('depth'));
+    all.ctd.update(model.status, since('temperature') ?? since('conductivity'));
+    all.gps.update(model.status, since('satellites'));
+    all.plots.update(model.status, sensors);
+    all.profile.update(model.status, sensors);
+    all.sonars.update(model.status, status);
+    all.link.update(model.status, status);
+  }
+
+  /** The tab was chosen: what was hidden has a size now. */
+  show() {
+    this.plots.fit();
+    this.profilePlot.fit();
+    this.draw(performance.now());
+  }
+
+  /** @param {number} nowMs */
+  draw(nowMs) {
+    this.plots.draw(nowMs / 1000);
+    this.profilePlot.draw();
+  }
+}

@@ -1,0 +1,126 @@
+// @ts-check
+// Temperature and sound speed against depth, depth pointing down, from the dive so far.
+
+import { make } from '../shared/dom.js';
+import { colors, onThemeChange } from '../shared/theme.js';
+import { MISSING, axisColors, loadUPlot, plainMarks, plotFont, remPx } from './uplot.js';
+import { roomyRange } from './time_plots.js';
+
+const SHORTEST_MS = 1000;
+
+export class ProfilePlot {
+  /**
+   * @param {import('./card.js').Card} card
+   * @param {import('./depth_profile.js').DepthProfile} profile
+   */
+  constructor(card, profile) {
+    this.profile = profile;
+    this.holder = make('div', { class: 'plot' });
+    const key = (/** @type {string} */ plot, /** @type {string} */ text) =>
+      make('span', {}, make('span', { class: 'swatch', dataset: { plot } }), ` ${text}`);
+    card.add(
+      make(
+        'p',
+        { class: 'profile-key' },
+        key('temperature', 'Temperature \u00b0C'),
+        key('soundSpeed', 'Sound speed m/s'),
+      ),
+      this.holder,
+      make('p', { class: 'hint', text: 'Depth in m; means by layers of 0.25 m' }),
+    );
+    this.drawnVersion = -1;
+    this.drawnAtMs = -Infinity;
+    /** @type {import('uplot') | null} */
+    this.plot = null;
+    void this.load();
+  }
+
+  async load() {
+    const UPlot = await loadUPlot();
+    if (!UPlot) {
+      this.holder.append(make('p', { class: 'notice', text: MISSING }));
+      return;
+    }
+    this.plot = new UPlot(this.options(), this.profile.rows(), this.holder);
+    new ResizeObserver(() => this.fit()).observe(this.holder);
+    onThemeChange(() => this.plot?.redraw(false));
+    this.fit();
+  }
+
+  /** @returns {import('uplot').Options} */
+  options() {
+    const rem = remPx();
+    const line = (/** @type {string} */ scale, /** @type {string} */ color) => ({
+      scale,
+      stroke: () => colors(color)[0],
+      width: 2,
+      points: { show: false },
+      spanGaps: true,
+    });
+    return {
+      width: 200,
+      height: 300,
+      legend: { show: false },
+      padding: [4, rem * 0.75, 4, 0],
+      cursor: { drag: { x: false, y: false } },
+      scales: {
+        x: {
+          time: false,
+          ori: 1,
+          dir: -1,
+          range: (_, __, deepest) => [0, Math.max(1, (deepest ?? 0) * 1.05)],
+        },
+        t: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 0.5) },
+        c: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 2) },
+      },
+      series: [{}, line('t', '--plot-temperature'), line('c', '--plot-sound')],
+      axes: [
+        {
+          ...axisColors,
+          values: plainMarks,
+          scale: 'x',
+          side: 3,
+          font: plotFont(),
+          size: rem * 2.6,
+          space: 44,
+        },
+        {
+          ...axisColors,
+          values: plainMarks,
+          scale: 't',
+          side: 2,
+          font: plotFont(),
+          size: rem * 1.7,
+          space: 46,
+          stroke: () => colors('--plot-temperature')[0],
+        },
+        {
+          ...axisColors,
+          values: plainMarks,
+          scale: 'c',
+          side: 0,
+          font: plotFont(),
+          size: rem * 1.7,
+          space: 56,
+          grid: { show: false },
+          stroke: () => colors('--plot-sound')[0],
+        },
+      ],
+    };
+  }
+
+  fit() {
+    const { clientWidth, clientHeight } = this.holder;
+    if (this.plot && clientWidth > 0) this.plot.setSize({ width: clientWidth, height: clientHeight });
+  }
+
+  draw() {
+    const nowMs = performance.now();
+    if (!this.plot || this.profile.version === this.drawnVersion || nowMs - this.drawnAtMs < SHORTEST_MS)
+      return;
+    if (this.holder.clientWidth === 0) return;
+    this.drawnVersion = this.profile.version;
+    this.drawnAtMs = nowMs;
+    this.plot.setData(this.profile.rows());
+  }
+}

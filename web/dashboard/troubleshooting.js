@@ -1,0 +1,116 @@
+// @ts-check
+// The states people stumble over, each with its cure. The chips tell which of them holds now.
+
+/** @type {Array<{title: string, chips: string[], cure: string[]}>} */
+export const TROUBLES = [
+  {
+    title: 'The serial port is not found',
+    chips: ['link'],
+    cure: [
+      'Check the USB cable between ESP32 and Pi; a charge-only cable carries no data.',
+      'Look for /dev/serial/by-id, /dev/ttyUSB0, /dev/ttyACM0 or /dev/ttyAMA0, and set serial.port if it is not found by itself.',
+      'In a container: bind /dev:/dev. Outside of one: add your user to the group dialout and log in again.',
+      'Port busy: stop what holds it (a serial monitor, BlueOS bridges, a second copy of this extension).',
+    ],
+  },
+  {
+    title: 'The port is open but no sensor data comes',
+    chips: ['link'],
+    cure: [
+      'Both sides need the same baud rate: 115200 unless the firmware was set to 921600.',
+      'Press the reset button of the ESP32. If bytes arrive but no frames, flash the firmware of this version.',
+    ],
+  },
+  {
+    title: 'CRC errors grow',
+    chips: ['link'],
+    cure: [
+      'Use a shorter, shielded USB cable and keep it away from thruster wires.',
+      'A few errors after plugging in are normal: BlueOS probes each new port.',
+    ],
+  },
+  {
+    title: 'A sonar is not detected',
+    chips: ['sonar_a', 'sonar_b'],
+    cure: [
+      'Check its 12 V supply and its ground.',
+      'Its baud rate must be 921600 on both sides.',
+      'Pins: A on RX 16 and TX 17, B on RX 25 and TX 26. A looks to starboard, B to port; swap them in the settings if needed.',
+    ],
+  },
+  {
+    title: 'Sonar pings are lost',
+    chips: ['sonar_a', 'sonar_b'],
+    cure: [
+      'Link load near 100 %: take fewer samples or a longer period in the viewer, or set 921600 baud on both sides.',
+      'Checksum errors of one sonar alone: check its signal wires and ground.',
+    ],
+  },
+  {
+    title: 'The IMU is silent, or all its values are zero',
+    chips: ['imu'],
+    cure: [
+      'Check its power and pins (RX 13, TX 15, 9600 baud).',
+      'At most three software-serial ports work at once; unplug one to see whether they disturb each other.',
+    ],
+  },
+  {
+    title: 'The GPS answers but has no fix',
+    chips: ['gps'],
+    cure: [
+      'It works at the surface only, under a free sky. A cold start takes 30 to 60 s.',
+      'Until then the page says "No fix"; latitude 0, longitude 0 is never taken for a position.',
+    ],
+  },
+  {
+    title: 'The GPS is silent',
+    chips: ['gps'],
+    cure: ['Check its power and pins (RX 27, TX 14, 9600 baud), and the software-serial limit of three.'],
+  },
+  {
+    title: 'The depth or temperature sensor is missing',
+    chips: ['depth', 'ctd'],
+    cure: [
+      'I2C needs pull-ups of 4.7 kOhm to 3.3 V and wires under 10 cm (SDA 21, SCL 22).',
+      'Addresses: depth MS5837 at 0x76, temperature TSYS01 at 0x77.',
+    ],
+  },
+  {
+    title: 'Conductivity or salinity is missing',
+    chips: ['ctd'],
+    cure: [
+      'Check the EZO EC (RX 19, TX 18, swapped against intuition).',
+      'In air it reads next to nothing: dip the probe. In fresh water no salinity formula holds, and "-" is right.',
+    ],
+  },
+  {
+    title: 'Old firmware',
+    chips: ['link', 'ctd', 'depth'],
+    cure: [
+      'Its depth cannot be told from a wrapped one below some 55 m, and sea-water conductivity overflows: both are shown as "-" where in doubt.',
+      'Flash the firmware of this version to have the full range, IMU bursts and status.',
+    ],
+  },
+  {
+    title: 'Recording stopped, or does not start',
+    chips: ['recorder'],
+    cure: [
+      'Disk full: export and delete old recordings.',
+      'Folder read-only: bind a folder of the vehicle (see recording.folder) and check its owner.',
+    ],
+  },
+  {
+    title: 'Nobody answers on MAVLink',
+    chips: ['mavlink'],
+    cure: ['Add the UDP server endpoint in BlueOS as Settings, MAVLink shows, then wait a few seconds.'],
+  },
+  {
+    title: 'This page cannot reach the extension',
+    chips: [],
+    cure: [
+      'Is the extension running (BlueOS, Extensions, Installed) and the tether connected?',
+      'BlueOS 1.4.3 passes no WebSocket: the page then uses ports 8099 and 8766 directly, so these must be mapped.',
+      'With bridge networking use fixed host ports, or host networking.',
+    ],
+  },
+];
