@@ -1,0 +1,161 @@
+// @ts-check
+/** The words of the status strip and of the empty picture. Pure. */
+
+import { age, fixed } from '../shared/format.js';
+
+/** @typedef {import('../shared/status_strip.js').ChipData} ChipData */
+
+/**
+ * @typedef {object} Facts
+ * @property {'connecting' | 'open' | 'waiting' | 'stopped'} phase of the page's own connection
+ * @property {boolean} coarse only the 200-bin stream could be reached
+ * @property {any} status data of the status topic, null while unknown
+ * @property {number} statusAgeS
+ * @property {Record<'A' | 'B', {ageS: number, perS: number, missed: number}>} channels as this page receives them
+ * @property {number} malformed
+ */
+
+const SILENT_AFTER_S = 3;
+
+/** The chips before anything is known: their places are reserved. */
+export const FIRST_CHIPS = /** @type {ChipData[]} */ (
+  [
+    ['link', 'Link'],
+    ['sonar_a', 'Starboard'],
+    ['sonar_b', 'Port'],
+    ['loss', 'Loss'],
+    ['extension', 'Extension'],
+  ].map(([id, label]) => ({ id, label, state: 'unknown', text: '-' }))
+);
+
+/** @param {Facts} facts @returns {ChipData[]} */
+export function chipsOf(facts) {
+  return [
+    linkChip(facts),
+    sonarChip(facts, 'A'),
+    sonarChip(facts, 'B'),
+    lossChip(facts),
+    extensionChip(facts),
+  ];
+}
+
+/** @param {Facts} facts @returns {ChipData} */
+function linkChip({ phase, coarse, malformed }) {
+  const chip = { id: 'link', label: 'Link' };
+  if (phase !== 'open') {
+    return {
+      ...chip,
+      state: 'fault',
+      text: phase === 'connecting' ? 'connecting' : 'lost',
+      cause: 'The page has no connection to the viewer service.',
+      cure: 'Check the tether and that the extension is running. The page keeps trying by itself.',
+    };
+  }
+  if (coarse) {
+    return {
+      ...chip,
+      state: 'warn',
+      text: '200 bins',
+      cause: 'Only the coarse stream on port 8101 can be reached: 200 bins a ping, no history, no settings.',
+      cure: 'Open the page at port 8100 of the vehicle directly, or update BlueOS so that its proxy passes WebSockets.',
+    };
+  }
+  if (malformed > 0) {
+    return {
+      ...chip,
+      state: 'warn',
+      text: `${malformed} damaged`,
+      cause: `${malformed} frames from the service could not be read and were left out.`,
+      cure: 'Reload the page: page and service may be of different versions.',
+    };
+  }
+  return { ...chip, state: 'ok', text: 'connected' };
+}
+
+/** @param {Facts} facts @param {'A' | 'B'} name @returns {ChipData} */
+function sonarChip({ phase, status, channels }, name) {
+  const words = name === 'A' ? 'Starboard' : 'Port';
+  const chip = { id: name === 'A' ? 'sonar_a' : 'sonar_b', label: words };
+  const here = channels[name];
+  if (phase !== 'open') return { ...chip, state: 'unknown', text: '-' };
+  if (here.ageS < SILENT_AFTER_S) return { ...chip, state: 'ok', text: `${fixed(here.perS, 1)} pings/s` };
+  const alive = status?.channels?.[name]?.alive;
+  return {
+    ...chip,
+    state: 'fault',
+    text: Number.isFinite(here.ageS) ? `silent ${age(here.ageS)}` : 'no pings',
+    cause: alive
+      ? `Sonar ${name} answers but sends no echograms.`
+      : `Nothing is heard of sonar ${name} (${words.toLowerCase()}).`,
+    cure: alive
+      ? 'Open the sonar settings and set a period above 0 ms.'
+      : 'Check the 12 V supply, the cable, 921600 baud on both sides, and the sonar chips of the dashboard.',
+  };
+}
+
+/** @param {Facts} facts @returns {ChipData} */
+function lossChip({ phase, status, channels }) {
+  const chip = { id: 'loss', label: 'Loss' };
+  if (phase !== 'open' || !status?.channels) return { ...chip, state: 'unknown', text: '-' };
+  const sides = ['A', 'B'].map((name) => status.channels[name] ?? {});
+  const incomplete = sides.reduce((sum, side) => sum + (side.incomplete ?? 0), 0);
+  const pings = sides.reduce((sum, side) => sum + (side.pings ?? 0), 0);
+  const missed = channels.A.missed + channels.B.missed;
+  const percent = pings > 0 ? (100 * incomplete) / pings : NaN;
+  const text = Number.isFinite(percent) ? `${fixed(percent, 1)} %` : '-';
+  const bad = percent > 2 || missed > 0;
+  const detail =
+    `${incomplete} of ${pings} pings came with missing parts; ` + `${missed} pings did not reach this page.`;
+  if (!bad) return { ...chip, state: pings > 0 ? 'ok' : 'unknown', text };
+  return {
+    ...chip,
+    state: 'warn',
+    text,
+    cause: detail,
+    cure: 'Lower the sample count or lengthen the period, or raise the USB link to 921600 baud on the dashboard.',
+  };
+}
+
+/** @param {Facts} facts @returns {ChipData} */
+function extensionChip({ phase, status, statusAgeS }) {
+  const chip = { id: 'extension', label: 'Extension' };
+  if (phase !== 'open' || !status || statusAgeS > SILENT_AFTER_S)
+    return { ...chip, state: 'unknown', text: '-' };
+  if (status.extension_link) return { ...chip, state: 'ok', text: 'linked' };
+  return {
+    ...chip,
+    state: 'fault',
+    text: 'not linked',
+    cause: 'The viewer service has no link to the extension: no settings, no contacts, no position.',
+    cure: 'Start the extension on the same computer (both share one state folder); the link comes back by itself.',
+  };
+}
+
+/**
+ * What the empty picture says.
+ * @param {{connection: {state: {phase: string}}}} feed
+ * @param {boolean} hasData
+ * @param {any} status
+ * @returns {{title: string, text: string} | null} null when there is a picture
+ */
+export function waitingText(feed, hasData, status) {
+  if (hasData) return null;
+  if (feed.connection.state.phase !== 'open') {
+    return {
+      title: 'Connecting to the viewer service',
+      text: 'If this stays: check the tether, and that the BlueROV SLAM extension is running in BlueOS.',
+    };
+  }
+  if (status && !status.extension_link) {
+    return {
+      title: 'Waiting for the extension',
+      text: 'The viewer runs, but the extension that reads the ESP32 is not linked to it. Start it, or see the dashboard.',
+    };
+  }
+  return {
+    title: 'Waiting for the first ping',
+    text:
+      'No sonar has sent an echogram yet. Likely causes: no 12 V at the sonars, a sonar not at 921600 baud, ' +
+      'or no ESP32 on USB. The chips above and the dashboard name the fault.',
+  };
+}

@@ -1,0 +1,87 @@
+// @ts-check
+/** The tool bar at the edge: beside the picture on a wide screen, below it on a phone. */
+
+import { make, setAttribute, setText } from '../shared/dom.js';
+import { chooseTheme, currentTheme } from '../shared/theme.js';
+import { icon, setIcon } from './icons.js';
+
+/** @typedef {import('./page.js').ViewerPage} ViewerPage */
+
+export class ToolBar {
+  /** @param {HTMLElement} root @param {ViewerPage} page */
+  constructor(root, page) {
+    this.root = root;
+    this.measuring = false;
+    /** @type {Record<string, {button: HTMLButtonElement, icon: SVGElement, text: HTMLElement}>} */
+    this.tools = {};
+    this.add('pause', 'Pause', 'Pause, or back to live (Space)', () => page.togglePause());
+    this.add('picture', 'Picture', 'Palette, gain and levels (P)', () => page.togglePanel('picture'));
+    this.add('contacts', 'Contacts', 'Named contacts (C)', () => page.togglePanel('contacts'));
+    this.add('sonar', 'Sonar', 'Sonar settings (O)', () => page.togglePanel('sonar'));
+    this.add('measure', 'Measure', 'Measure by dragging (M for the keyboard)', () =>
+      this.setMeasuring(!this.measuring),
+    );
+    this.add('layout', 'View', 'Side by side, stacked, one side (1 to 4)', () => page.nextLayout());
+    this.add('snapshot', 'Save', 'Snapshot as PNG (S)', () => page.snapshot());
+    this.add('theme', 'Theme', 'Light or dark (T)', () => this.switchTheme());
+    this.add('full', 'Full', 'Full screen (F)', () => page.fullScreen());
+    this.add('help', 'Keys', 'Keys and gestures (?)', () => page.help());
+    for (const name of ['picture', 'contacts', 'sonar']) {
+      setAttribute(this.tools[name].button, 'aria-expanded', 'false');
+      setAttribute(this.tools[name].button, 'aria-controls', 'panel');
+    }
+    setAttribute(this.tools.measure.button, 'aria-pressed', 'false');
+  }
+
+  /** @param {string} name @param {string} label @param {string} title @param {() => void} click */
+  add(name, label, title, click) {
+    const image = icon(name);
+    const text = make('span', { text: label });
+    const button = make('button', {
+      class: 'tool',
+      type: 'button',
+      id: `tool-${name}`,
+      title,
+      'aria-label': title,
+      on: { click },
+    });
+    button.append(image, text);
+    this.tools[name] = { button, icon: image, text };
+    this.root.append(button);
+  }
+
+  /** @param {boolean} on */
+  setMeasuring(on) {
+    this.measuring = on;
+    setAttribute(this.tools.measure.button, 'aria-pressed', String(on));
+  }
+
+  /** @param {boolean} paused */
+  showPaused(paused) {
+    const { icon: image, text, button } = this.tools.pause;
+    setIcon(image, paused ? 'play' : 'pause');
+    setText(text, paused ? 'Live' : 'Pause');
+    setAttribute(button, 'aria-label', paused ? 'Back to live (Space)' : 'Pause (Space)');
+  }
+
+  /** @param {number} contacts */
+  showContacts(contacts) {
+    setText(this.tools.contacts.text, contacts > 0 ? `${contacts}` : 'Contacts');
+  }
+
+  /** @param {string | null} name */
+  showPanel(name) {
+    for (const each of ['picture', 'contacts', 'sonar']) {
+      setAttribute(this.tools[each].button, 'aria-expanded', String(each === name));
+    }
+  }
+
+  /** @param {string} name */
+  focusPanel(name) {
+    this.tools[name].button.focus();
+  }
+
+  switchTheme() {
+    chooseTheme(currentTheme() === 'dark' ? 'light' : 'dark');
+  }
+}
