@@ -55,8 +55,8 @@ class _Layout(NamedTuple):
     prefix: bytes
     weights: NDArray[np.uint8]
     sources: NDArray[np.intp]
-    frame_slices: tuple[slice, ...]
-    sample_slices: tuple[slice, ...]
+    frames: struct.Struct
+    samples: struct.Struct
 
 
 def expand_even(payload: bytes) -> EvenBundle | None:
@@ -71,15 +71,12 @@ def expand_even(payload: bytes) -> EvenBundle | None:
     t_us, seq_offset, resolution_mm, first_sample, samples = values[:5]
     if not resolution_mm or seq_offset + payload[3] * samples >= MAX_PING_BYTES:
         return None
-    expected = seq_offset
     for at in range(5, len(values), 4):
-        expected += samples
-        if values[at : at + 4] != (expected, resolution_mm, first_sample, samples):
+        if values[at : at + 4] != (seq_offset + (at >> 2) * samples, resolution_mm, first_sample, samples):
             return None
     data = layout.prefix + payload
     checks = np.frombuffer(data, np.uint8).dot(layout.weights)
     joined = np.frombuffer(data + checks.tobytes(), np.uint8).take(layout.sources).tobytes()
-    held = b"".join([joined[part] for part in layout.sample_slices])
     return EvenBundle(
         _CHANNELS[payload[0]],
         _CODINGS[flags & 1],
@@ -88,8 +85,8 @@ def expand_even(payload: bytes) -> EvenBundle | None:
         payload[2],
         payload[4],
         t_us,
-        (ChartChunk(seq_offset, resolution_mm, first_sample, held),),
-        tuple([joined[part] for part in layout.frame_slices]),
+        (ChartChunk(seq_offset, resolution_mm, first_sample, b"".join(layout.samples.unpack(joined))),),
+        layout.frames.unpack(joined),
     )
 
 
@@ -123,13 +120,11 @@ def _layout(size: int, count: int, samples: int, decimation: int, mark: int) -> 
         row[6:12] = range(start, start + 6)
         row[12:-2] = data + group_of_sample
         row[-2:] = len(prefix) + size + 2 * index, len(prefix) + size + 2 * index + 1
-    frame_bytes = sources.shape[1]
-    starts = range(0, count * frame_bytes, frame_bytes)
     return _Layout(
         struct.Struct("<5xI" + f"3HB{groups}x" * count),
         prefix,
         weights.astype(np.uint8),
         sources.ravel(),
-        tuple(slice(at, at + frame_bytes) for at in starts),
-        tuple(slice(at + _FRAME_HEADER_BYTES, at + frame_bytes - 2) for at in starts),
+        struct.Struct(f"{samples + _FRAME_OVERHEAD_BYTES}s" * count),
+        struct.Struct(f"{_FRAME_HEADER_BYTES}x{samples}s2x" * count),
     )
