@@ -68,7 +68,7 @@ class Extension:
             )
             for start in range(0, samples.size, 200)
         ]
-        address = ("127.0.0.1", self._viewer.udp_ports[channel])
+        address = ("127.0.0.1", self._viewer.udp[channel].port)
         for first in range(0, len(frames), 6):
             self._socket.sendto(b"".join(frames[first : first + 6]), address)
 
@@ -195,11 +195,11 @@ async def test_contacts_survive_without_extension_and_restart(viewer, http, tmp_
     await viewer.stop()
     again = ViewerService(settings(tmp_path))
     assert [(c["name"], c["note"]) for c in again.contacts.all()] == [("wreck", "iron")]
-    again.history.close()
+    again.outlets.history.close()
 
 
 async def test_a_second_viewer_on_the_same_ports_says_so(viewer, tmp_path) -> None:
-    second = ViewerService(settings(tmp_path, **{"viewer.udp_port_a": viewer.udp_ports[Channel.A]}))
+    second = ViewerService(settings(tmp_path, **{"viewer.udp_port_a": viewer.udp[Channel.A].port}))
     with pytest.raises(ExpectedError, match="is in use"):
         await second.start()
     third = ViewerService(settings(tmp_path, **{"viewer.port": viewer.http.port}))

@@ -19,8 +19,7 @@ from bluerov_slam.services.command_forwarder import CommandForwarder
 from bluerov_slam.services.contacts import ContactBook
 from bluerov_slam.services.http import Route, ServicePage, error_response, json_response, read_json_object
 from bluerov_slam.services.viewer_channel import ViewerChannel
-from bluerov_slam.sinks.ping_history import PingHistory
-from bluerov_slam.sinks.websocket import Broadcaster
+from bluerov_slam.services.viewer_outlets import ViewerOutlets
 
 PAGE = ServicePage(
     name="BlueROV SLAM Sonar Viewer",
@@ -87,16 +86,15 @@ class ViewerApi:
         self,
         channels: Mapping[Channel, ViewerChannel],
         forwarder: CommandForwarder,
-        history: PingHistory,
         contacts: ContactBook,
-        pings: Broadcaster,
+        outlets: ViewerOutlets,
         status: Callable[[], dict[str, Any]],
     ) -> None:
         self._channels = channels
         self._forwarder = forwarder
-        self._history = history
         self._contacts = contacts
-        self._pings = pings
+        self._history = outlets.history
+        self._pings = outlets.pings
         self._status = status
 
     def routes(self) -> list[Route]:

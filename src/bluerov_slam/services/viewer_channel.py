@@ -17,7 +17,7 @@ from bluerov_slam.protocol.kogger import ChecksumChoice, FrameType, KoggerFrame,
 from bluerov_slam.protocol.ping_assembly import PingAssembler
 from bluerov_slam.records import Channel, Ping
 from bluerov_slam.services.kogger_gateway import KoggerGateway
-from bluerov_slam.services.sonar_session import SonarSession
+from bluerov_slam.services.sonar_session import ALIVE_S, SonarSession
 from bluerov_slam.sources.udp import Address
 
 PINGS_TO_LEARN = 3
@@ -136,14 +136,13 @@ class ViewerChannel:
     def status(self) -> dict[str, Any]:
         """Counters and state for the page."""
         now_s = self._now_s()
-        recent = sum(now_s - at_s <= RATE_WINDOW_S for at_s in self._ping_times_s)
         decoder, assembly, ping = self._decoder.counters, self._assembler.counters, self._last_ping
         return {
             "packets": self.counters.packets,
             "bytes": self.counters.bytes_received,
             "bb55": self.counters.frames,
             "pings": self.counters.pings,
-            "pings_per_s": round(recent / RATE_WINDOW_S, 1),
+            "pings_per_s": round(self._pings_per_s(now_s), 1),
             "age_s": round(now_s - self._ping_times_s[-1], 2) if self._ping_times_s else None,
             "alive": self.session.alive,
             "incomplete": assembly.incomplete,
@@ -159,6 +158,12 @@ class ViewerChannel:
             "resolution_mm": round(ping.resolution_m * 1000) if ping else None,
             "sonar_restarts": self.session.restarts,
         }
+
+    def _pings_per_s(self, now_s: float) -> float:
+        recent = [at_s for at_s in self._ping_times_s if now_s - at_s <= RATE_WINDOW_S]
+        if len(recent) < 2 or now_s - recent[-1] > ALIVE_S:
+            return 0.0
+        return (len(recent) - 1) / max(recent[-1] - recent[0], 1e-3)
 
     def _take_data(self, data: bytes) -> None:
         now_s = self._now_s()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from typing import Any
 import aiohttp
 import orjson
 
+from bluerov_slam.errors import CommandError
 from bluerov_slam.records import Channel
 
 logger = logging.getLogger(__name__)
@@ -62,6 +62,7 @@ class ViewerLinkClient:
         self.connected = False
         self.message = "not connected yet"
         self.reconnects = 0
+        self.unreadable = 0
         self._url = url
         self._token_file = token_file
         self._sleep = sleep
@@ -139,7 +140,7 @@ class ViewerLinkClient:
             self.listener.on_down()
 
     def _take(self, text: str) -> None:
-        with contextlib.suppress(ValueError, KeyError, TypeError):
+        try:
             message = orjson.loads(text)
             kind = message["type"]
             if kind == "sonar_frame":
@@ -150,6 +151,9 @@ class ViewerLinkClient:
                     waiting.set_result(message)
             else:
                 self.listener.on_message(kind, message)
+        except (ValueError, KeyError, TypeError, CommandError) as error:
+            self.unreadable += 1
+            logger.debug("unreadable message of the extension: %s", error)
 
     async def _ask(self, message: dict[str, Any]) -> dict[str, Any] | None:
         """Send a request and wait for the answer with its id; None without a link, or when it broke meanwhile."""
