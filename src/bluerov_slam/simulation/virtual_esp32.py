@@ -95,6 +95,11 @@ class VirtualEsp32:
         """The rate the board's line runs at right now."""
         return self._wire.baud
 
+    @property
+    def unplug_faults(self) -> list[Fault]:
+        """The scripted times without a cable."""
+        return [fault for fault in self._faults if fault.kind is FaultKind.UNPLUG]
+
     def set_host_baud(self, baud: int | None) -> None:
         """The rate the host's side is set to; None = whatever the board uses."""
         self._host_baud = baud

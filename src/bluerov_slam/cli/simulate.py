@@ -1,0 +1,185 @@
+"""`bluerov-slam simulate`: the virtual ESP32 on a pseudo-terminal, and a vehicle's log over UDP."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import tempfile
+import time
+import tomllib
+from collections.abc import Coroutine
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from bluerov_slam.errors import ConfigError
+from bluerov_slam.services.simulator import Simulator
+from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
+from bluerov_slam.simulation.faults import parse_fault
+from bluerov_slam.simulation.scenario import SCENARIOS, Scenario, scenario_from_mapping
+from bluerov_slam.simulation.scene import RecordedScene
+from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from bluerov_slam.sources.vehicle_log import read_vehicle_log
+from bluerov_slam.sources.xtf import read_xtf
+
+XTF_SAMPLES = 1000
+
+
+def default_link() -> Path:
+    """Where the port's name appears unless told otherwise."""
+    return Path(tempfile.gettempdir()) / f"bluerov-slam-{os.getuid()}" / "esp32"
+
+
+@click.command("simulate")
+@click.option("--baud", type=click.Choice(["115200", "921600"]), default="115200", show_default=True)
+@click.option(
+    "--link", type=click.Path(path_type=Path), help="Symbolic link to the port [default: in the temp folder]."
+)
+@click.option(
+    "--device-folder", type=click.Path(path_type=Path), help="A folder to play /dev: ttyUSB<n>, serial/by-id."
+)
+@click.option("--seed", type=int, help="World, vehicle and noise follow from it.")
+@click.option(
+    "--scenario", "scenario_name", default="survey", show_default=True, help="A name, or a TOML or JSON file."
+)
+@click.option("--list-scenarios", is_flag=True, help="Name the built-in scenarios and stop.")
+@click.option("--xtf", type=click.Path(path_type=Path), help="Play a real side-scan recording through the sonars.")
+@click.option("--legacy", is_flag=True, help="Old firmware: SENSORS and compressed pings only, fields that wrap.")
+@click.option("--fault", "faults", multiple=True, help="For example 'at=10 kind=garbage duration=2'. Repeatable.")
+@click.option("--tlog", type=click.Path(path_type=Path), help="Play a vehicle's MAVLink log as well.")
+@click.option(
+    "--tlog-target",
+    default="127.0.0.1:14401",
+    show_default=True,
+    help="Where the log is played: the vehicle's endpoint to which the extension sends.",
+)
+@click.option("--tlog-only", is_flag=True, help="Play the vehicle's log without the virtual ESP32.")
+@click.option("--duration", type=click.FloatRange(min=0.0, min_open=True), help="Stop after so many seconds.")
+def command(
+    baud: str,
+    link: Path | None,
+    device_folder: Path | None,
+    seed: int | None,
+    scenario_name: str,
+    list_scenarios: bool,
+    xtf: Path | None,
+    legacy: bool,
+    faults: tuple[str, ...],
+    tlog: Path | None,
+    tlog_target: str,
+    tlog_only: bool,
+    duration: float | None,
+) -> None:
+    """Simulate the ESP32 with all its sensors on a pseudo-terminal, in real time."""
+    if list_scenarios:
+        for name in SCENARIOS:
+            click.echo(name)
+        return
+    if tlog_only and tlog is None:
+        raise ConfigError("--tlog-only needs --tlog FILE")
+    tasks: list[Coroutine[Any, Any, None]] = []
+    if not tlog_only:
+        scenario = load_scenario(scenario_name, seed=seed, legacy=legacy, faults=faults)
+        tasks.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf).run())
+    if tlog is not None:
+        player = VehicleLogPlayer(read_vehicle_log(tlog), _address(tlog_target), on_event=_say)
+        tasks.append(player.run())
+    asyncio.run(_run_all(tasks, duration))
+
+
+def load_scenario(name: str, *, seed: int | None, legacy: bool, faults: tuple[str, ...]) -> Scenario:
+    """The scenario of that name or file with what the command line adds; GPS time starts now."""
+    scenario = SCENARIOS[name] if name in SCENARIOS else _scenario_file(Path(name))
+    if seed is not None:
+        scenario = replace(scenario, seed=_checked_seed(seed))
+    return replace(
+        scenario,
+        legacy=legacy or scenario.legacy,
+        faults=scenario.faults + tuple(parse_fault(fault) for fault in faults),
+        utc_start_unix_s=float(int(time.time())),
+    )
+
+
+def make_simulator(
+    scenario: Scenario, baud: int, link: Path, device_folder: Path | None = None, xtf: Path | None = None
+) -> Simulator:
+    """The board of a scenario, or of a recording, on its line; says what it simulates."""
+    loop_length_s = None
+    if xtf is None:
+        board = VirtualEsp32(scenario, baud)
+        _say(f"scenario {scenario.name}, seed {scenario.seed}, {baud} baud")
+    else:
+        survey = read_xtf(xtf)
+        loop_length_s = survey.duration_s
+        resolution_mm = max(1, round(survey.slant_range_m * 1000.0 / XTF_SAMPLES))
+        scenario = replace(
+            scenario,
+            name=survey.name,
+            samples=XTF_SAMPLES,
+            resolution_mm=resolution_mm,
+            ping_period_ms=round(survey.period_s * 1000.0),
+        )
+        board = VirtualEsp32(scenario, baud, RecordedScene(survey))
+        _say(
+            f"plays {survey.name}: {len(survey.time_s)} real pings in {survey.duration_s:.1f} s, "
+            f"{XTF_SAMPLES} samples of {resolution_mm} mm, amplitudes 16 bit / 128; starts again at the end"
+        )
+    for fault in scenario.faults:
+        _say(f"fault at {fault.at_s:g} s: {fault.kind} {fault.sensor}".rstrip() + f" for {fault.duration_s:g} s")
+    return Simulator(board, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
+
+
+async def _run_all(tasks: list[Coroutine[Any, Any, None]], duration_s: float | None) -> None:
+    """Run until one fails, a signal comes or the time is up."""
+    loop = asyncio.get_running_loop()
+    running = [asyncio.create_task(task) for task in tasks]
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    stopped = asyncio.create_task(stop.wait())
+    try:
+        done, _ = await asyncio.wait([*running, stopped], timeout=duration_s, return_when=asyncio.FIRST_COMPLETED)
+        for task in done - {stopped}:
+            task.result()
+    finally:
+        for task in [*running, stopped]:
+            task.cancel()
+        for task in [*running, stopped]:
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await task
+
+
+def _scenario_file(path: Path) -> Scenario:
+    if not path.exists():
+        raise ConfigError(f"--scenario {path}: neither a file nor one of {', '.join(SCENARIOS)}")
+    try:
+        text = path.read_text(encoding="utf-8")
+        values = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: {error}") from error
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: must be one table of scenario keys")
+    try:
+        return scenario_from_mapping(values)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def _checked_seed(seed: int) -> int:
+    return scenario_from_mapping({"seed": seed}).seed
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon or not port.isdigit() or not 0 <= int(port) <= 65535:
+        raise ConfigError(f"--tlog-target '{text}': expected HOST:PORT, for example 127.0.0.1:14401")
+    return host, int(port)
+
+
+def _say(text: str) -> None:
+    click.echo(f"SIMULATED: {text}")

@@ -1,0 +1,39 @@
+import asyncio
+import socket
+from contextlib import suppress
+
+import pytest
+
+from bluerov_slam.errors import LinkError
+from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
+from bluerov_slam.sources.vehicle_log import LoggedFrame
+
+FRAMES = [LoggedFrame(100.0 + 0.01 * number, bytes((0xFD, number))) for number in range(5)]
+
+
+async def test_plays_in_order_to_whoever_spoke_and_starts_again() -> None:
+    said: list[str] = []
+    player = VehicleLogPlayer(FRAMES, ("127.0.0.1", 0), on_event=said.append)
+    task = asyncio.create_task(player.run())
+    async with asyncio.timeout(10.0):
+        while player.address[1] == 0:
+            await asyncio.sleep(0)
+        loop = asyncio.get_running_loop()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.setblocking(False)
+            client.connect(player.address)
+            await loop.sock_sendall(client, b"hello")
+            heard = [await loop.sock_recv(client, 100) for _ in range(7)]
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    assert [data[1] for data in heard] == [0, 1, 2, 3, 4, 0, 1]
+    assert any("starts again" in text for text in said)
+
+
+async def test_a_port_in_use_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError, match=str(port)):
+            await VehicleLogPlayer(FRAMES, ("127.0.0.1", port)).run()
