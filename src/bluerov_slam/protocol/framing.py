@@ -72,7 +72,7 @@ class FrameScanner:
         self._bytes_received += len(data)
         if self._pending:
             self._pending += data
-            if len(self._pending) < self._pending_needs:
+            if len(self._pending) < self._pending_needs and self._may_begin_a_frame():
                 return []
             data = bytes(self._pending)
             self._pending.clear()
@@ -118,6 +118,11 @@ class FrameScanner:
             self._skip(1)
             position = start + 1
         return frames
+
+    def _may_begin_a_frame(self) -> bool:
+        """Half a sync may have been held; its other half decides at once, not when a header's worth has come."""
+        sync_bytes = len(self._format.syncs[0])
+        return len(self._pending) < sync_bytes or self._pending[:sync_bytes] in self._format.syncs
 
     def _hold(self, data: bytes, start: int, needs: int) -> None:
         self._pending += memoryview(data)[start:]
