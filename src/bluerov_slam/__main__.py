@@ -1,4 +1,4 @@
-"""`python -m bluerov_slam`: the same as the `bluerov-slam` command."""
+"""`python -m bluerov_slam` is the `bluerov-slam` command."""
 
 from bluerov_slam.cli.main import main
 

@@ -208,9 +208,11 @@ class PathSettings(_Group):
 class SimulationSettings(_Group):
     """The virtual ESP32 of `bluerov-slam run --simulate` and `simulate`."""
 
+    scenario: str = setting(
+        "survey", "what is simulated: a name of `bluerov-slam simulate --list-scenarios` or a file", min_length=1,
+        max_length=255,
+    )  # fmt: skip
     seed: int = setting(1, "world, vehicle and noise follow from it", ge=0, le=2**31 - 1)
-    samples: int = setting(1000, "samples of one simulated ping", ge=100, le=5000)
-    ping_rate_hz: float = setting(10.0, "pings a second of each simulated sonar", unit="Hz", ge=0.1, le=50.0)
 
 
 class Settings(_Group):

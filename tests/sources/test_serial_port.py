@@ -127,7 +127,7 @@ async def test_a_port_absent_at_start_is_named_and_opened_when_it_appears(device
     await reader.until(lambda: reader.port.state is SerialState.ABSENT)
     facts = reader.port.facts()
     assert facts.state is PortState.ABSENT
-    assert facts.waiting_for == f"{devices / 'ttyUSB7'} to appear"
+    assert facts.waiting_for == str(devices / "ttyUSB7")
     plug(devices, board, node="ttyUSB7")
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
 
@@ -165,7 +165,8 @@ async def test_a_port_held_by_another_program_is_busy_until_released(devices, bo
     await reader.until(lambda: reader.port.state is SerialState.BUSY)
     facts = reader.port.facts()
     assert facts.state is PortState.BUSY
-    assert "to be released" in facts.waiting_for
+    assert facts.waiting_for == "the ESP32's USB serial port"
+    assert facts.detail.startswith("another program holds ")
     os.close(holder)
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
 

@@ -161,14 +161,14 @@ class SerialPort:
             try:
                 await self._open_first()
             except OpenFailure as failure:
-                self._set(failure.state, failure.detail, self._what_is_awaited(failure.state))
+                self._set(failure.state, failure.detail, self._awaited_port())
                 await self._sleep(backoff_s)
                 backoff_s = min(2 * backoff_s, BACKOFF_LAST_S)
                 continue
             heard = await self._until_lost()
             backoff_s = BACKOFF_FIRST_S if heard else min(2 * backoff_s, BACKOFF_LAST_S)
             self._close()
-            self._set(SerialState.SEARCHING, self._detail, self._what_is_awaited(SerialState.SEARCHING))
+            self._set(SerialState.SEARCHING, self._detail, self._awaited_port())
             await self._sleep(backoff_s)
 
     async def _open_first(self) -> None:
@@ -312,13 +312,8 @@ class SerialPort:
                 _log.warning("serial port %s: %s", state, detail)
             self._on_change()
 
-    def _what_is_awaited(self, state: SerialState) -> str:
-        name = "a USB serial port" if self._port == AUTO else self._port
-        if state is SerialState.BUSY:
-            return f"{name} to be released by the program that uses it"
-        if state is SerialState.PERMISSION_DENIED:
-            return f"permission to open {name}"
-        return f"{name} to appear"
+    def _awaited_port(self) -> str:
+        return "the ESP32's USB serial port" if self._port == AUTO else self._port
 
 
 def open_port(path: Path, baud: int) -> int:

@@ -1,0 +1,27 @@
+"""`bluerov-slam extension`: the extension service alone."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import click
+
+from bluerov_slam.cli.service_options import parse_flags, service_options, start_logging
+from bluerov_slam.services.extension import Extension
+from bluerov_slam.services.settings_store import SettingsStore
+from bluerov_slam.services.supervisor import serve
+
+
+@click.command("extension")
+@service_options
+@click.option("--simulated", is_flag=True, help="The port is a simulator's: say so on every page.")
+def command(config: Path | None, flags: tuple[str, ...], log_level: str, simulated: bool) -> None:
+    """Serve the dashboard on :8099 and the sensor data on :8766; forward, bridge and record."""
+    start_logging(log_level)
+    store = SettingsStore.open(config, parse_flags(flags))
+    asyncio.run(_serve(store, simulated))
+
+
+async def _serve(store: SettingsStore, simulated: bool) -> None:
+    await serve(Extension(store, simulated=simulated))

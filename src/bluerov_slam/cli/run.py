@@ -1,0 +1,76 @@
+"""`bluerov-slam run`: the whole system, each service a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+
+from bluerov_slam.cli.service_options import parse_flags, service_options, start_logging
+from bluerov_slam.config import Settings
+from bluerov_slam.services.settings_store import SettingsStore
+from bluerov_slam.services.supervisor import ChildSpec, Supervisor, stop_signals
+
+
+@click.command("run")
+@service_options
+@click.option("--simulate", is_flag=True, help="Run on a virtual ESP32 instead of a real one.")
+@click.option("--scenario", help="What is simulated [default: simulation.scenario].")
+@click.option("--xtf", type=click.Path(path_type=Path), help="Simulate with a real side-scan recording.")
+@click.option("--fault", "faults", multiple=True, help="Simulate a fault, for example 'at=10 kind=reset'; repeatable.")
+def command(
+    config: Path | None,
+    flags: tuple[str, ...],
+    log_level: str,
+    simulate: bool,
+    scenario: str | None,
+    xtf: Path | None,
+    faults: tuple[str, ...],
+) -> None:
+    """Run extension and viewer, and with --simulate the virtual ESP32; Ctrl-C stops them all."""
+    if not simulate and (scenario or xtf or faults):
+        raise click.UsageError("--scenario, --xtf and --fault need --simulate")
+    start_logging(log_level)
+    settings = SettingsStore.open(config, parse_flags(flags)).settings
+    common = [*(["--config", str(config)] if config else []), *_repeated("--set", flags), "--log-level", log_level]
+    with tempfile.TemporaryDirectory(prefix="bluerov-slam-") as folder:
+        port = Path(folder) / "esp32"
+        children = [_child("viewer", *common)]
+        if simulate:
+            extra = ["--scenario", scenario or settings.simulation.scenario, *_repeated("--fault", faults)]
+            extra += ["--xtf", str(xtf)] if xtf else []
+            children.insert(0, _simulator(settings, port, extra))
+            children.append(_child("extension", *common, "--simulated", "--set", f"serial.port={port}"))
+        else:
+            children.append(_child("extension", *common))
+        _announce(settings, simulate)
+        code = asyncio.run(_supervise(children))
+    sys.exit(code)
+
+
+async def _supervise(children: list[ChildSpec]) -> int:
+    with stop_signals() as stop:
+        return await Supervisor(children).run(stop)
+
+
+def _child(name: str, *arguments: str) -> ChildSpec:
+    return ChildSpec(name, (sys.executable, "-m", "bluerov_slam", name, *arguments))
+
+
+def _simulator(settings: Settings, port: Path, extra: list[str]) -> ChildSpec:
+    baud, seed = str(settings.serial.baud), str(settings.simulation.seed)
+    return _child("simulate", "--link", str(port), "--baud", baud, "--seed", seed, *extra)
+
+
+def _repeated(option: str, values: tuple[str, ...]) -> list[str]:
+    return [part for value in values for part in (option, value)]
+
+
+def _announce(settings: Settings, simulate: bool) -> None:
+    click.echo(f"Dashboard  http://localhost:{settings.http.port}")
+    click.echo(f"Sonar      http://localhost:{settings.viewer.port}")
+    click.echo("Data is SIMULATED: a virtual ESP32" if simulate else f"Serial port: {settings.serial.port}")
+    click.echo("Stop with Ctrl-C")
