@@ -10,10 +10,8 @@ import signal
 import tempfile
 import time
 import tomllib
-from collections.abc import Coroutine
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -82,14 +80,13 @@ def command(
         return
     if tlog_only and tlog is None:
         raise ConfigError("--tlog-only needs --tlog FILE")
-    tasks: list[Coroutine[Any, Any, None]] = []
+    parts: list[Simulator | VehicleLogPlayer] = []
     if not tlog_only:
         scenario = load_scenario(scenario_name, seed=seed, legacy=legacy, faults=faults)
-        tasks.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf).run())
+        parts.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf))
     if tlog is not None:
-        player = VehicleLogPlayer(read_vehicle_log(tlog), _address(tlog_target), on_event=_say)
-        tasks.append(player.run())
-    asyncio.run(_run_all(tasks, duration))
+        parts.append(VehicleLogPlayer(read_vehicle_log(tlog), _address(tlog_target), on_event=_say))
+    asyncio.run(_run_all(parts, duration))
 
 
 def load_scenario(name: str, *, seed: int | None, legacy: bool, faults: tuple[str, ...]) -> Scenario:
@@ -134,10 +131,10 @@ def make_simulator(
     return Simulator(board, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
 
 
-async def _run_all(tasks: list[Coroutine[Any, Any, None]], duration_s: float | None) -> None:
+async def _run_all(parts: list[Simulator | VehicleLogPlayer], duration_s: float | None) -> None:
     """Run until one fails, a signal comes or the time is up."""
     loop = asyncio.get_running_loop()
-    running = [asyncio.create_task(task) for task in tasks]
+    running = [asyncio.create_task(part.run()) for part in parts]
     stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)

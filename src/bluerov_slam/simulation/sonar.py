@@ -22,7 +22,7 @@ _GROUND_STEP_M = 0.05
 _OVERSAMPLING = 1.5
 _DEPRESSION_RAD = math.radians(35.0)
 _BEAM_WIDTH_RAD = math.radians(45.0)
-_AMPLITUDE_SCALE = 112.0
+_AMPLITUDE_SCALE = 128.0
 _AMPLITUDE_POWER = 0.75  # compresses Rayleigh speckle (0.52) to the 0.32..0.44 variation seen on real recordings
 _NOISE_FLOOR = 0.012
 _MULTIPLE_GAIN = 0.10
@@ -111,10 +111,14 @@ def _speckle_table(rng: np.random.Generator) -> NDArray[np.complex128]:
 
 
 def _facing(ground_m: FloatArray, below_m: FloatArray, height_m: FloatArray, slant_m: FloatArray) -> FloatArray:
-    """Lambert's law: cosine squared of the angle between the ray and the local normal, 0 on faces turned away."""
+    """Lambert's law: cosine squared of the angle between the ray and the local normal, 0 on faces turned away.
+
+    Per metre of ground, so a steep face counts with its whole surface.
+    """
     slope = np.gradient(height_m, _GROUND_STEP_M)
-    cosine = (slope * ground_m + below_m) / (slant_m * np.sqrt(1.0 + slope * slope))
-    return np.maximum(cosine, 0.0) ** 2
+    area = np.sqrt(1.0 + slope * slope)
+    cosine = (slope * ground_m + below_m) / (slant_m * area)
+    return np.maximum(cosine, 0.0) ** 2 * area
 
 
 def _beam_pattern(sine_of_depression: FloatArray, roll_rad: float) -> FloatArray:
