@@ -1,12 +1,19 @@
 import asyncio
+import os
 import socket
+from collections.abc import Mapping
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bluerov_slam.errors import LinkError
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
-from bluerov_slam.sources.vehicle_log import LoggedFrame
+from bluerov_slam.sinks.mavlink_transport import UdpTransport
+from bluerov_slam.sources.vehicle_log import LoggedFrame, read_vehicle_log
+
+DATA = Path(os.environ.get("BLUEROV_SLAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 FRAMES = [LoggedFrame(100.0 + 0.01 * number, bytes((0xFD, number))) for number in range(5)]
 
@@ -37,3 +44,42 @@ async def test_a_port_in_use_is_named() -> None:
         port = taken.getsockname()[1]
         with pytest.raises(LinkError, match=str(port)):
             await VehicleLogPlayer(FRAMES, ("127.0.0.1", port)).run()
+
+
+@pytest.mark.data
+async def test_a_real_log_feeds_the_receiving_side_of_the_bridge() -> None:
+    path = DATA / "bluerov2_ardusub_logs" / "surface_ugps_2023-05-04.tlog"
+    if not path.exists():
+        pytest.skip(f"needs the recording {path} (BLUEROV_SLAM_DATA)")
+    heard: set[str] = set()
+    everything = asyncio.Event()
+    wanted = {"HEARTBEAT", "ATTITUDE", "SERVO_OUTPUT_RAW", "BATTERY_STATUS"}
+
+    def on_message(_system: int, _component: int, name: str, _fields: Mapping[str, Any]) -> None:
+        heard.add(name)
+        if wanted <= heard:
+            everything.set()
+
+    player = VehicleLogPlayer(read_vehicle_log(path), ("127.0.0.1", 0), speed=50.0)
+    task = asyncio.create_task(player.run())
+    async with asyncio.timeout(20.0):
+        while player.address[1] == 0:
+            await asyncio.sleep(0)
+        bridge = UdpTransport(*player.address, system_id=1, component_id=197, on_message=on_message)
+        await bridge.start()
+        heartbeat = {
+            "type": 18,
+            "autopilot": 8,
+            "base_mode": 0,
+            "custom_mode": 0,
+            "system_status": 4,
+            "mavlink_version": 3,
+        }
+        while not bridge.send("HEARTBEAT", heartbeat):
+            await asyncio.sleep(0)
+        await everything.wait()
+    await bridge.stop()
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    assert bridge.bad_frames == 0
