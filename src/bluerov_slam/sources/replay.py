@@ -51,13 +51,17 @@ class ReplaySource:
     def __init__(self, recording: Recording, speed: float | None = 1.0, baud: int = 115200) -> None:
         if speed is not None and not 0.0 < speed <= 1000.0:
             raise RecordingError(f"speed {speed:g}, expected above 0 and up to 1000, or max")
+        first = next(recording.blocks(baud), None)
+        if first is None:
+            raise RecordingError(f"{recording.path} holds no link bytes: nothing was recorded into it")
+        recording.problems.clear()
         self.recording = recording
         self.speed = speed
-        self._baud = baud
+        self.baud = baud
         self._state = PortState.ABSENT
         self._detail = "not started"
         self._task: asyncio.Task[None] | None = None
-        self._position_s = 0.0
+        self._position_s = first.arrived_s
         self._origin: tuple[float, float] | None = None
         self.finished = asyncio.Event()
 
@@ -90,16 +94,13 @@ class ReplaySource:
     def facts(self) -> LinkFacts:
         """For the status page."""
         return LinkFacts(
-            state=self._state, kind=self.kind, port=str(self.recording.path), baud=self._baud, detail=self._detail
+            state=self._state, kind=self.kind, port=str(self.recording.path), baud=self.baud, detail=self._detail
         )
 
     async def _run(self, on_data: Callable[[bytes, float], Any], on_change: Callable[[], None]) -> None:
-        blocks = self.recording.blocks(self._baud)
+        blocks = self.recording.blocks(self.baud)
         try:
             batch = await asyncio.to_thread(_take, blocks)
-            if not batch:
-                raise RecordingError(f"{self.recording.path} holds no link bytes")
-            self._position_s = batch[0].arrived_s
             self._origin = (time.monotonic(), self._position_s)
             self._change(PortState.CONNECTED, f"replay of {self.recording.path}", on_change)
             while batch:
