@@ -10,7 +10,7 @@ const ROLL_MARKS = [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60];
 export class Attitude extends Instrument {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
-    super(canvas, ['--sky', '--ground', '--horizon', '--accent', '--line', '--sunken', '--dim']);
+    super(canvas, ['--sky', '--ground', '--horizon', '--vehicle', '--line', '--sunken', '--dim']);
     this.roll = this.follow(true, 0.02);
     this.pitch = this.follow(false, 0.02);
   }
@@ -28,7 +28,7 @@ export class Attitude extends Instrument {
 
   draw() {
     const { context: c, width: w, height: h } = this;
-    const [sky, ground, horizon, accent, line, sunken] = this.colors;
+    const [sky, ground, horizon, vehicle, line, sunken] = this.colors;
     c.save();
     c.beginPath();
     c.roundRect(0, 0, w, h, 8);
@@ -40,7 +40,7 @@ export class Attitude extends Instrument {
     const pixelsPerDeg = h / 60;
     if (known) this.drawWorld(sky, ground, horizon, pixelsPerDeg);
     this.drawRollScale(known ? horizon : line);
-    this.drawVehicle(known ? accent : line);
+    this.drawVehicle(known ? vehicle : line);
     c.restore();
   }
 
@@ -62,16 +62,16 @@ export class Attitude extends Instrument {
     c.fillStyle = ground;
     c.fillRect(-far, 0, 2 * far, far);
     c.strokeStyle = c.fillStyle = horizon;
-    c.lineWidth = 2;
+    c.lineWidth = 2 * this.scale;
     c.beginPath();
     c.moveTo(-far, 0);
     c.lineTo(far, 0);
     c.stroke();
-    c.lineWidth = 1.25;
+    c.lineWidth = 1.25 * this.scale;
     c.font = `${this.fontPx}px system-ui, sans-serif`;
     c.textBaseline = 'middle';
     for (let mark = -80; mark <= 80; mark += 5) {
-      if (mark === 0 || Math.abs(mark - pitchDeg) > 14) continue;
+      if (mark === 0 || Math.abs(mark - pitchDeg) > 11.5) continue;
       const half = (mark % 10 === 0 ? 0.14 : 0.06) * w;
       const y = -mark * pixelsPerDeg;
       c.beginPath();
@@ -92,10 +92,10 @@ export class Attitude extends Instrument {
     const { context: c, height: h } = this;
     const radius = h * 0.43;
     c.strokeStyle = c.fillStyle = color;
-    c.lineWidth = 1.25;
+    c.lineWidth = 1.25 * this.scale;
     for (const mark of ROLL_MARKS) {
       const angle = (mark - 90) * DEG;
-      const long = mark % 30 === 0 ? 8 : 5;
+      const long = (mark % 30 === 0 ? 8 : 5) * this.scale;
       c.beginPath();
       c.moveTo(radius * Math.cos(angle), radius * Math.sin(angle));
       c.lineTo((radius + long) * Math.cos(angle), (radius + long) * Math.sin(angle));
@@ -106,8 +106,8 @@ export class Attitude extends Instrument {
     c.rotate(-this.roll.shown * DEG);
     c.beginPath();
     c.moveTo(0, -radius + 1);
-    c.lineTo(-5, -radius + 9);
-    c.lineTo(5, -radius + 9);
+    c.lineTo(-5 * this.scale, -radius + 1 + 8 * this.scale);
+    c.lineTo(5 * this.scale, -radius + 1 + 8 * this.scale);
     c.fill();
     c.restore();
   }
@@ -117,11 +117,11 @@ export class Attitude extends Instrument {
     const { context: c, width: w } = this;
     c.lineCap = c.lineJoin = 'round';
     for (const [stroke, width] of /** @type {[string, number][]} */ ([
-      ['#0008', 6],
+      ['#000a', 6],
       [color, 3],
     ])) {
       c.strokeStyle = stroke;
-      c.lineWidth = width;
+      c.lineWidth = width * this.scale;
       c.beginPath();
       c.moveTo(-0.3 * w, 0);
       c.lineTo(-0.1 * w, 0);

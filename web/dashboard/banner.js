@@ -28,11 +28,25 @@ export function connectionFault(silentS) {
 
 /**
  * @param {Fault[] | null} faults  worst first; null while nothing is known
+ * @param {any[]} [chips]  those that ask for a look without being a fault are named
  * @returns {BannerText}
  */
-export function bannerText(faults) {
+export function bannerText(faults, chips = []) {
   if (faults === null) return { state: 'unknown', title: 'Waiting for the first status', cure: '', more: '' };
-  if (faults.length === 0) return { state: 'ok', title: 'Nothing is wrong', cure: '', more: '' };
+  if (faults.length === 0) {
+    const look = chips.filter((chip) => chip?.state === 'warn' || chip?.state === 'fault');
+    const unknown = chips.filter((chip) => chip?.state === 'unknown').map((chip) => chip.label);
+    if (unknown.length > 0) {
+      return {
+        state: 'unknown',
+        title: 'No fault reported',
+        cure: `nothing known of: ${unknown.join(', ')}`,
+        more: '',
+      };
+    }
+    const names = look.map((chip) => `${chip.label}${chip.text ? `: ${chip.text}` : ''}`);
+    return { state: 'ok', title: 'No faults', cure: names.join(', '), more: '' };
+  }
   const [worst] = faults;
   const level = String(worst.level ?? 'error');
   return {
@@ -63,9 +77,12 @@ export class Banner {
     this.show(null);
   }
 
-  /** @param {Fault[] | null} faults */
-  show(faults) {
-    const { state, title, cure, more } = bannerText(faults);
+  /**
+   * @param {Fault[] | null} faults
+   * @param {any[]} [chips]
+   */
+  show(faults, chips) {
+    const { state, title, cure, more } = bannerText(faults, chips);
     setAttribute(this.root, 'data-state', state);
     setAttribute(this.root, 'title', cure ? `${title}. ${cure}` : null);
     showState(this.icon, state);

@@ -30,7 +30,7 @@ export class Compass extends Instrument {
     c.translate(w / 2, h / 2);
     c.fillStyle = sunken;
     c.strokeStyle = line;
-    c.lineWidth = 1.5;
+    c.lineWidth = 1.5 * this.scale;
     c.beginPath();
     c.arc(0, 0, radius, 0, 2 * Math.PI);
     c.fill();
@@ -38,9 +38,9 @@ export class Compass extends Instrument {
     if (known) this.drawCard(radius, dim, text, fault);
     c.fillStyle = known ? accent : line;
     c.beginPath();
-    c.moveTo(0, -radius + 12);
-    c.lineTo(-7, -radius - 1);
-    c.lineTo(7, -radius - 1);
+    c.moveTo(0, -radius + 12 * this.scale);
+    c.lineTo(-7 * this.scale, -radius - 1);
+    c.lineTo(7 * this.scale, -radius - 1);
     c.closePath();
     c.fill();
     c.restore();
@@ -61,16 +61,16 @@ export class Compass extends Instrument {
       c.rotate((mark - this.heading.shown) * DEG);
       const named = mark % 30 === 0;
       c.strokeStyle = named ? text : dim;
-      c.lineWidth = named ? 1.75 : 1;
+      c.lineWidth = (named ? 1.75 : 1) * this.scale;
       c.beginPath();
       c.moveTo(0, -radius + 2);
-      c.lineTo(0, -radius + (named ? 10 : 7));
+      c.lineTo(0, -radius + (named ? 10 : 7) * this.scale);
       c.stroke();
       if (named) {
         const cardinal = mark % 90 === 0;
         c.font = `${cardinal ? '700 ' : ''}${this.fontPx * (cardinal ? 1.2 : 0.9)}px system-ui, sans-serif`;
         c.fillStyle = mark === 0 ? north : cardinal ? text : dim;
-        c.fillText(NAMES[mark / 30], 0, -radius + 12 + this.fontPx * 0.75);
+        c.fillText(NAMES[mark / 30], 0, -radius + 12 * this.scale + this.fontPx * 0.75);
       }
       c.restore();
     }

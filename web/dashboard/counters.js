@@ -45,6 +45,11 @@ export function counterText(key, value) {
   return Number.isInteger(value) ? count(value) : fixed(value, 2);
 }
 
+/** @param {string} key  "pings_per_s" is the "Ping rate" */
+function labelOf(key) {
+  return key.endsWith('_per_s') ? wordsOf(`${key.replace(/s?_per_s$/, '')}_rate`) : wordsOf(key);
+}
+
 /**
  * The counters of one part as rows; objects inside are spread out.
  * @param {Record<string, any> | null | undefined} part
@@ -61,7 +66,7 @@ export function counterRows(part) {
         rows.push([label, counterText(name, inner)]);
       }
     } else {
-      rows.push([wordsOf(key), counterText(key, value)]);
+      rows.push([labelOf(key), counterText(key, value)]);
     }
   }
   return rows;

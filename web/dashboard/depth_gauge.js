@@ -36,7 +36,7 @@ export class DepthGauge extends Instrument {
     const scale = fullScaleM(this.deepestM);
     const top = this.fontPx * 0.7;
     const bottom = h - this.fontPx * 0.7;
-    const labels = this.fontPx * 2.6;
+    const labels = this.fontPx * 3.3;
     const y = (/** @type {number} */ depthM) =>
       top + (Math.max(0, Math.min(scale, depthM)) / scale) * (bottom - top);
     c.fillStyle = sunken;

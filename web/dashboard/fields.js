@@ -24,6 +24,14 @@ function trusted(part, name) {
 }
 
 /**
+ * No attitude lies beyond a full turn: such a number is a fault of the sensor, not a heading.
+ * @param {unknown} degrees
+ */
+function angle(degrees) {
+  return isKnown(degrees) && Math.abs(degrees) <= 360 ? degrees : null;
+}
+
+/**
  * A position exists with a fix only. Legacy firmware does not say which fix it has: for it, 0 N 0 E is "none".
  * @param {Data} data
  * @param {Data} extra
@@ -50,9 +58,9 @@ export function fixWord(data, extra) {
 
 /** @type {Field[]} */
 export const FIELDS = [
-  { key: 'roll', label: 'Roll', unit: '\u00b0', decimals: 1, read: (d) => trusted(d.imu, 'r') },
-  { key: 'pitch', label: 'Pitch', unit: '\u00b0', decimals: 1, read: (d) => trusted(d.imu, 'p') },
-  { key: 'heading', label: 'Heading', unit: '\u00b0', decimals: 0, read: (d) => trusted(d.imu, 'y') },
+  { key: 'roll', label: 'Roll', unit: '\u00b0', decimals: 1, read: (d) => angle(trusted(d.imu, 'r')) },
+  { key: 'pitch', label: 'Pitch', unit: '\u00b0', decimals: 1, read: (d) => angle(trusted(d.imu, 'p')) },
+  { key: 'heading', label: 'Heading', unit: '\u00b0', decimals: 0, read: (d) => angle(trusted(d.imu, 'y')) },
   {
     key: 'depth',
     label: 'Depth',

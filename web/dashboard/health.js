@@ -4,7 +4,7 @@
 import { call } from '../shared/api.js';
 import { make, setText } from '../shared/dom.js';
 import { dateTime } from '../shared/format.js';
-import { asState, showState, stateIcon } from '../shared/status_icons.js';
+import { showState, stateIcon } from '../shared/status_icons.js';
 import { bannerText } from './banner.js';
 import { counterParts } from './counters.js';
 import { TROUBLES } from './troubleshooting.js';
@@ -87,15 +87,15 @@ export class HealthPage {
 
   /** @param {(typeof TROUBLES)[number]} trouble */
   buildTrouble(trouble) {
-    const icon = stateIcon();
-    icon.hidden = true;
+    const mark = make('span', { class: 'badge', text: 'RELATED NOW' });
+    mark.hidden = true;
     const root = make(
       'details',
       {},
-      make('summary', {}, make('span', { text: trouble.title }), icon),
+      make('summary', {}, make('span', { text: trouble.title }), mark),
       make('ul', {}, ...trouble.cure.map((line) => make('li', { text: line }))),
     );
-    return { root, icon, chips: trouble.chips };
+    return { root, mark, chips: trouble.chips };
   }
 
   show() {
@@ -178,11 +178,9 @@ export class HealthPage {
     if (this.root.hidden || !status) return;
     const chips = Array.isArray(status.chips) ? status.chips : [];
     for (const trouble of this.troubles) {
-      const bad = chips.find(
+      trouble.mark.hidden = !chips.some(
         (chip) => trouble.chips.includes(chip?.id) && ['warn', 'fault'].includes(chip.state),
       );
-      trouble.icon.hidden = !bad;
-      if (bad) showState(trouble.icon, asState(bad.state));
     }
     for (const [title, rows] of counterParts(status)) this.showPart(title, rows);
   }

@@ -22,6 +22,8 @@ export class Instrument {
     this.width = 0;
     this.height = 0;
     this.fontPx = 12;
+    /** By how much lines grow on a big screen. */
+    this.scale = 1;
     /** @type {Follower[]} */
     this.followers = [];
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -40,6 +42,7 @@ export class Instrument {
     this.width = this.canvas.clientWidth;
     this.height = this.canvas.clientHeight;
     this.fontPx = parseFloat(getComputedStyle(this.canvas).fontSize) || 12;
+    this.scale = this.fontPx / 12;
     this.canvas.width = Math.round(this.width * ratio);
     this.canvas.height = Math.round(this.height * ratio);
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);

@@ -46,7 +46,7 @@ export class LivePage {
     this.profilePlot = new ProfilePlot(this.cards.profile, this.profile);
     const { attitude, heading, depth, plots, profile, ctd, gps, sonars, link } = this.cards;
     root.append(
-      make('div', { class: 'live-left' }, attitude.root, heading.root, depth.root),
+      make('div', { class: 'live-left' }, depth.root, attitude.root, heading.root),
       make('div', { class: 'live-centre' }, plots.root, profile.root),
       make('div', { class: 'live-right' }, ctd.root, gps.root, sonars.root, link.root),
     );
@@ -60,6 +60,10 @@ export class LivePage {
     this.compass = new Compass(card);
     this.heading = hero('\u00b0');
     this.point = make('span', { class: 'point' });
+    this.cards.heading.head.insertBefore(
+      make('span', { class: 'hint', text: 'magnetic' }),
+      this.cards.heading.ageText,
+    );
     this.cards.heading.add(
       make(
         'div',
@@ -67,7 +71,6 @@ export class LivePage {
         card,
         make('div', { class: 'dial-middle' }, this.heading.root, this.point),
       ),
-      make('p', { class: 'hint', text: "The IMU's own, magnetic" }),
     );
     const column = instrumentCanvas('Depth gauge');
     this.gauge = new DepthGauge(column);
@@ -90,8 +93,8 @@ export class LivePage {
           make(
             'dl',
             {},
-            small('Rate, estimated', this.rateNumber, unit('m/s'), this.rateWord),
-            small('Deepest seen', this.deepest, unit('m')),
+            small('Rate, est.', this.rateNumber, unit('m/s'), this.rateWord),
+            small('Deepest', this.deepest, unit('m')),
           ),
         ),
       ),

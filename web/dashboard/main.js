@@ -103,7 +103,7 @@ function refresh() {
   const neverAndLost = statusAge === null && nowMs > 5000;
   const own = neverAndLost || (isStale && statusAge !== null) ? [connectionFault(statusAge)] : [];
   const all = statusAge === null && !neverAndLost ? null : [...own, ...faults];
-  banner.show(all);
+  banner.show(all, Array.isArray(model.status?.chips) ? model.status.chips : []);
   health.showFaults(all);
   live.refresh(nowMs);
 }

@@ -56,6 +56,7 @@ export class Follower {
       return false;
     }
     this.shown = approach(this.shown, this.shown + way, elapsedS);
+    if (this.isAngle) this.shown %= 360;
     return true;
   }
 }

@@ -8,6 +8,15 @@ import { roomyRange } from './time_plots.js';
 
 const SHORTEST_MS = 1000;
 
+/**
+ * From the surface to just below the deepest layer; no scale without data.
+ * @param {number | null} deepestM
+ * @returns {[number | null, number | null]}
+ */
+function depthRange(deepestM) {
+  return deepestM === null ? [null, null] : [0, Math.max(1, deepestM * 1.05)];
+}
+
 export class ProfilePlot {
   /**
    * @param {import('./card.js').Card} card
@@ -68,7 +77,7 @@ export class ProfilePlot {
           time: false,
           ori: 1,
           dir: -1,
-          range: (_, __, deepest) => [0, Math.max(1, (deepest ?? 0) * 1.05)],
+          range: (_, __, deepest) => depthRange(deepest),
         },
         t: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 0.5) },
         c: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 2) },

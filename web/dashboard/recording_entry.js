@@ -56,9 +56,13 @@ export class RecordingEntry {
     this.root = make(
       'article',
       { class: 'card recording', dataset: { name } },
-      make('header', {}, this.heading, this.live),
-      this.facts,
-      this.clock,
+      make(
+        'div',
+        { class: 'recording-words' },
+        make('header', {}, this.heading, this.live),
+        this.facts,
+        this.clock,
+      ),
       make(
         'div',
         { class: 'actions' },

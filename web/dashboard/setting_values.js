@@ -16,7 +16,7 @@ import { UNKNOWN } from '../shared/format.js';
  * @property {string} [group]
  * @property {boolean} [restart]
  *
- * @typedef {'switch' | 'choice' | 'number' | 'text' | 'secret' | 'json'} Kind
+ * @typedef {'switch' | 'choice' | 'number' | 'text' | 'secret' | 'list' | 'json'} Kind
  */
 
 /** @type {Record<string, string>} */
@@ -80,6 +80,7 @@ export function kindOf(setting) {
   if (typeof sample === 'boolean') return 'switch';
   if (Array.isArray(setting.choices) && setting.choices.length > 0) return 'choice';
   if (typeof sample === 'number') return 'number';
+  if (Array.isArray(sample)) return isPlainList(setting) ? 'list' : 'json';
   if (typeof sample === 'object' && sample !== null) return 'json';
   if (typeof setting.minimum === 'number' || typeof setting.maximum === 'number') return 'number';
   return /token|password|secret/.test(setting.key) ? 'secret' : 'text';
@@ -91,6 +92,7 @@ export function kindOf(setting) {
  */
 export function inputText(value) {
   if (value === null || value === undefined) return '';
+  if (Array.isArray(value) && value.every((item) => typeof item !== 'object')) return value.join(', ');
   return typeof value === 'object' ? JSON.stringify(value) : String(value);
 }
 
@@ -108,12 +110,36 @@ export function parseInput(setting, text) {
   if (kind === 'choice')
     return { value: setting.choices?.find((choice) => String(choice) === text) ?? text, error: '' };
   if (kind === 'number') return parseNumber(setting, text);
+  if (kind === 'list') return parseList(setting, text);
   if (kind !== 'json') return { value: text, error: '' };
   try {
     return { value: JSON.parse(text), error: '' };
   } catch {
     return { value: text, error: `Write it like ${inputText(setting.default)}` };
   }
+}
+
+/** @param {Setting} setting */
+function isPlainList(setting) {
+  return [setting.value, setting.default].flat().every((item) => typeof item !== 'object');
+}
+
+/**
+ * Items with commas between them, numbers where the default holds numbers.
+ * @param {Setting} setting
+ * @param {string} text
+ */
+function parseList(setting, text) {
+  const items = text
+    .split(',')
+    .map((item) => item.trim())
+    .filter((item) => item !== '');
+  if (![setting.default, setting.value].flat().some((item) => typeof item === 'number'))
+    return { value: items, error: '' };
+  const numbers = items.map(Number);
+  return numbers.every(Number.isFinite)
+    ? { value: numbers, error: '' }
+    : { value: items, error: 'Write numbers with commas between them' };
 }
 
 /**
@@ -143,6 +169,7 @@ export function limitsText(setting) {
 export function defaultText(setting) {
   if (kindOf(setting) === 'switch') return setting.default ? 'on' : 'off';
   const text = inputText(setting.default);
+  if (Array.isArray(setting.default) && text === '') return 'none';
   return text === '' ? UNKNOWN : `${text}${setting.unit ? ` ${setting.unit}` : ''}`;
 }
 

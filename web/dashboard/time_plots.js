@@ -172,14 +172,19 @@ export class TimePlots {
       },
       series: [
         {},
-        { stroke: () => colors(quantity.color)[0], width: 1.75, points: { show: false }, spanGaps: false },
+        {
+          stroke: () => colors(quantity.color)[0],
+          width: (1.75 * rem) / 16,
+          points: { show: false },
+          spanGaps: false,
+        },
       ],
       axes: [
         {
           ...axisColors,
           font: plotFont(),
           size: showsTime ? rem * 1.6 : 0,
-          splits: (_, __, from, to) => timeSplits(from, to, this.model.unixAt(0)),
+          splits: (plot, _, from, to) => timeSplits(from, to, this.model.unixAt(0), plot.width / (rem * 5.5)),
           values: (_, splits) =>
             showsTime ? splits.map((s) => clockTime(this.model.unixAt(s * 1000))) : splits.map(() => ''),
         },
@@ -295,10 +300,10 @@ const NICE_STEPS = [-3, -2, -1, 0, 1, 2, 3, 4].flatMap((power) =>
  * @param {number | null} low
  * @param {number | null} high
  * @param {number} least
- * @returns {[number, number]}
+ * @returns {[number | null, number | null]}  nulls without data: no scale is better than an invented one
  */
 export function roomyRange(low, high, least) {
-  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [0, least];
+  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [null, null];
   const air = Math.max((high - low) * 0.08, (least - (high - low)) / 2, Math.abs(high) * 1e-9);
   return [low - air, high + air];
 }

@@ -51,6 +51,6 @@ export class ValueCell {
  * @param {number | null} seconds
  */
 export function cardAge(seconds) {
-  if (seconds === null) return 'no data yet';
+  if (seconds === null) return '-';
   return seconds < 1 ? '< 1 s' : seconds <= STALE_S ? `${Math.floor(seconds)} s` : `${age(seconds)} ago`;
 }
