@@ -18,7 +18,7 @@ def test_says_what_it_simulates_and_where(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     lines = result.output.splitlines()
     assert lines[0] == "SIMULATED: scenario survey, seed 7, 115200 baud"
-    assert lines[1] == "SIMULATED: fault at 9 s: silent imu for 5 s"
+    assert lines[1] == "SIMULATED: fault: silent imu at 9 s for 5 s"
     assert lines[2].startswith(f"SIMULATED: serial port {link} -> /dev/pts/")
     assert not link.is_symlink()
 
@@ -32,7 +32,7 @@ def test_takes_a_scenario_from_toml_or_json(tmp_path: Path) -> None:
     ]
     for output in outputs:
         assert "scenario mine" in output
-        assert "fault at 3 s: reset" in output
+        assert "fault: reset at 3 s" in output
 
 
 @pytest.mark.parametrize(

@@ -355,3 +355,11 @@ def test_i2c_faults_show_in_the_counters_and_the_flags() -> None:
 def test_every_named_scenario_runs(name: str) -> None:
     scenario: Scenario = replace(SCENARIOS[name], mission_start_s=60.0)
     assert sensors(run(VirtualEsp32(scenario), 2.0))
+
+
+def test_a_fault_added_late_starts_at_once_and_lasts_its_time() -> None:
+    board = VirtualEsp32(UNDER_WAY)
+    board.advance(5.0)
+    board.add_fault(parse_fault("kind=silent sensor=depth at=0 duration=2"))
+    values = [field.depth_ok for field in sensors(run(board, 9.0))]
+    assert values == [0] * 4 + [1] * 4

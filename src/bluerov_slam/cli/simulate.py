@@ -127,7 +127,7 @@ def make_simulator(
             f"{XTF_SAMPLES} samples of {resolution_mm} mm, amplitudes 16 bit / 128; starts again at the end"
         )
     for fault in scenario.faults:
-        _say(f"fault at {fault.at_s:g} s: {fault.kind} {fault.sensor}".rstrip() + f" for {fault.duration_s:g} s")
+        _say(f"fault: {fault.text}")
     return Simulator(board, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
 
 

@@ -36,6 +36,7 @@ _DEFAULT_RATE = {
     FaultKind.PROBE: 2.0,
     FaultKind.I2C_ERRORS: 20.0,
 }
+_MOMENTARY = (FaultKind.RESET, FaultKind.MID_PING)
 _DEFAULT_DURATION_S = {FaultKind.UNPLUG: 3.0, FaultKind.PROBE: 1.0}
 
 
@@ -51,6 +52,13 @@ class Fault:
     sensor: str = ""
     reason: int = 1
     rename: bool = False
+
+    @property
+    def text(self) -> str:
+        """What happens when, in words."""
+        what = f"{self.kind} {self.sensor}".rstrip()
+        lasting = "" if self.kind in _MOMENTARY else f" for {self.duration_s:g} s"
+        return f"{what} at {self.at_s:g} s{lasting}"
 
     def active(self, at_s: float) -> bool:
         """Whether the fault is at work at this instant."""

@@ -23,7 +23,7 @@ _RAMP_S = 4.0
 class VehicleState:
     """Pose and velocity at one instant. World NED about the survey origin, body FRD, yaw from true north.
 
-    `altitude_m` is NaN where nobody measured it. `fix_possible` says whether the antenna is out of the water.
+    `fix_possible` says whether the antenna is out of the water.
     """
 
     north_m: float

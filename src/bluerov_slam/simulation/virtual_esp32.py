@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +107,9 @@ class VirtualEsp32:
 
     def add_fault(self, fault: Fault) -> None:
         """Script one more fault; one whose time has passed starts now."""
-        self._faults.append(fault)
         start_s = max(fault.at_s, self.now_s)
+        fault = replace(fault, at_s=start_s)
+        self._faults.append(fault)
         if fault.kind is FaultKind.RESET:
             self._timeline.at(start_s, lambda: self._reset(fault.reason))
         elif fault.kind is FaultKind.UNPLUG:
