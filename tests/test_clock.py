@@ -74,7 +74,21 @@ def test_a_reset_starts_a_new_mapping(uptime_s: float) -> None:
     for k in range(100):
         clock.map_us32(us32(uptime_s - 10 + k * 0.1), 50.0 + k * 0.1)
     assert clock.map_us32(us32(0.4), 62.0) == pytest.approx(62.0)
+    assert clock.map_us32(us32(0.5), 62.1) == pytest.approx(62.1)
     assert clock.resets == 1
+    assert clock.offset_s == pytest.approx(61.6)
+
+
+def test_a_single_wrong_stamp_is_no_reset() -> None:
+    clock = DeviceClock()
+    run(clock, 3.0, 300.0, offset_s=200.0)
+    for wrong_s in (1.0, 2000.0):
+        assert clock.map_us32(us32(wrong_s), 500.1) == 500.1
+        assert clock.map_us32(us32(300.2), 500.25) == pytest.approx(500.2, abs=0.005)
+    assert clock.map_ms32(ms32(300.3), 500.31) == pytest.approx(500.3, abs=0.005)
+    assert clock.map_ms32(ms32(0.1), 500.4) == 500.4
+    assert clock.map_ms32(ms32(300.5), 500.51) == pytest.approx(500.5, abs=0.005)
+    assert clock.resets == 0
 
 
 def test_milliseconds_tell_a_reset_that_microseconds_hide() -> None:
@@ -82,6 +96,7 @@ def test_milliseconds_tell_a_reset_that_microseconds_hide() -> None:
     wrap_s = WRAP / 1e6
     clock.map_ms32(ms32(wrap_s), 100.0)
     clock.map_ms32(ms32(0.5), 100.5)
+    clock.map_ms32(ms32(1.0), 101.0)
     assert clock.resets == 1
 
 
@@ -112,6 +127,7 @@ def test_old_bytes_at_the_start_do_not_spoil_the_mapping() -> None:
     clock = DeviceClock()
     clock.map_us32(us32(100.0), 500.0)  # had waited 30 s before the port was opened
     assert clock.map_us32(us32(130.0), 500.1) == pytest.approx(500.1)
+    assert clock.map_us32(us32(130.1), 500.2) == pytest.approx(500.2)
     assert clock.map_us32(us32(130.5), 500.6) == pytest.approx(500.6)
 
 

@@ -42,6 +42,7 @@ class DeviceClock:
         self._echo_offset_s: float | None = None
         self._closed: deque[tuple[float, float]] = deque(maxlen=BUCKETS)
         self._open: tuple[float, float] | None = None
+        self._suspect: tuple[int, float] | None = None
         self._same_us: int | None = None
         self._same_arrived_s = 0.0
         self._same_s = 0.0
@@ -67,32 +68,15 @@ class DeviceClock:
 
     def map_us32(self, t_us: int, arrived_s: float) -> float:
         """Host time of a stamp in device microseconds modulo 2^32 that arrived at `arrived_s`."""
-        if t_us == self._same_us and 0 <= arrived_s - self._same_arrived_s < _SAME_STAMP_S:
-            return self._same_s
-        last_us = self._last_us
-        if last_us is None:
-            self._start(t_us, arrived_s)
-            last_us = t_us
-        # The 64-bit time nearest to where the device's clock must be by now.
-        elapsed_us = int((arrived_s - self._last_arrived_s) * 1e6)
-        ahead_us = (t_us - last_us - elapsed_us + _HALF) % _WRAP - _HALF
-        device_us = last_us + elapsed_us + ahead_us
-        if self._is_reset(device_us, ahead_us, arrived_s):
-            self.restart()
-            self._start(t_us, arrived_s)
-            device_us = t_us
-        self._same_us, self._same_arrived_s = t_us, arrived_s
-        self._same_s = self._map(device_us, arrived_s)
-        return self._same_s
+        return self._map_stamp(t_us, arrived_s, went_back=False)
 
     def map_ms32(self, t_ms: int, arrived_s: float) -> float:
         """Host time of a stamp in device milliseconds modulo 2^32; also tells a reset that microseconds hide."""
-        if self._last_ms is not None:
-            behind_ms = (self._last_ms - t_ms) % _WRAP
-            if BACKWARD_TOLERANCE_US / _US_PER_MS < behind_ms < _HALF:
-                self.restart()
-        measured_s = self.map_us32(t_ms * _US_PER_MS % _WRAP, arrived_s)
-        self._last_ms = t_ms
+        behind_ms = 0 if self._last_ms is None else (self._last_ms - t_ms) % _WRAP
+        went_back = BACKWARD_TOLERANCE_US / _US_PER_MS < behind_ms < _HALF
+        measured_s = self._map_stamp(t_ms * _US_PER_MS % _WRAP, arrived_s, went_back=went_back)
+        if self._suspect is None:
+            self._last_ms = t_ms
         return measured_s
 
     def note_echo(self, sent_s: float, device_us32: int) -> None:
@@ -115,11 +99,42 @@ class DeviceClock:
         self._closed.clear()
         self._open = None
         self._open_ends_s = 0.0
+        self._suspect = None
         self._same_us = None
         self._anchor_s = 0.0
         self._base_offset_s = float("inf")
         self._slope = 0.0
         self._echo_offset_s = None
+
+    def _map_stamp(self, t_us: int, arrived_s: float, *, went_back: bool) -> float:
+        if t_us == self._same_us and 0 <= arrived_s - self._same_arrived_s < _SAME_STAMP_S:
+            return self._same_s
+        last_us = self._last_us
+        if last_us is None:
+            self._start(t_us, arrived_s)
+            last_us = t_us
+        # The 64-bit time nearest to where the device's clock must be by now.
+        elapsed_us = int((arrived_s - self._last_arrived_s) * 1e6)
+        ahead_us = (t_us - last_us - elapsed_us + _HALF) % _WRAP - _HALF
+        device_us = last_us + elapsed_us + ahead_us
+        if went_back or self._is_reset(device_us, ahead_us, arrived_s):
+            if not self._confirms_suspect(t_us, arrived_s):
+                return arrived_s
+            self.restart()
+            self._start(t_us, arrived_s)
+            device_us = t_us
+        self._suspect = None
+        self._same_us, self._same_arrived_s = t_us, arrived_s
+        self._same_s = self._map(device_us, arrived_s)
+        return self._same_s
+
+    def _confirms_suspect(self, t_us: int, arrived_s: float) -> bool:
+        """One stamp from another time line may be a damaged frame that passed its check; two that agree are a reset."""
+        suspect, self._suspect = self._suspect, (t_us, arrived_s)
+        if suspect is None:
+            return False
+        device_step_us = (t_us - suspect[0] + _HALF) % _WRAP - _HALF
+        return abs(device_step_us - (arrived_s - suspect[1]) * 1e6) < FORWARD_TOLERANCE_US
 
     def _start(self, t_us: int, arrived_s: float) -> None:
         self._last_us, self._last_arrived_s = t_us, arrived_s
@@ -127,6 +142,7 @@ class DeviceClock:
         self._open_ends_s = (self._anchor_s // BUCKET_S + 1) * BUCKET_S
 
     def _is_reset(self, device_us: int, ahead_us: int, arrived_s: float) -> bool:
+        """Whether the stamp belongs to another time line."""
         if self._last_us is None or device_us < self._last_us - BACKWARD_TOLERANCE_US:
             return True
         # Bytes that waited while the host was paused arrive late all at once and the next ones are far ahead of them,
