@@ -219,6 +219,15 @@ def test_a_plain_capture_converts_too(dive, tmp_path):
     assert lines[0]["t_unix"] is None
 
 
+def test_crossed_cables_can_be_put_right(dive, tmp_path):
+    session, _, live = dive
+    converted(session, "xtf", tmp_path / "out.xtf", "--swap")
+    _, packets = read_xtf(tmp_path / "out.xtf")
+    starboard = [p.data[1] for p in packets if p.data[1].any()]
+    expected = [p.samples for p in pings_of(live, Channel.B) if p.samples.any()]
+    assert all(np.array_equal(a, b) for a, b in zip(starboard, expected, strict=True))
+
+
 def test_a_cut_recording_converts_as_far_as_it_reads_and_says_so(dive, tmp_path):
     session, _, _ = dive
     cut = tmp_path / "link_000.mcap"

@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import tracemalloc
 from pathlib import Path
 
 import orjson
@@ -11,7 +12,7 @@ from bluerov_slam.pipeline.health import RecorderState
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
 from bluerov_slam.records import Channel, Event, EventLevel, LinkBytes, LinkBytesSent
 from bluerov_slam.sinks import append_file
-from bluerov_slam.sinks.mcap_log import SESSION_METADATA
+from bluerov_slam.sinks.mcap_log import SESSION_METADATA, McapLog
 from bluerov_slam.sinks.mcap_recorder import PRE_ROLL_BYTES, RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import is_complete, scan_mcap
 from recording_samples import FakeClocks, feed, gps_fix, ping, recorder, sensor_sample
@@ -339,3 +340,33 @@ def test_decoder_settings_travel_with_the_recording(tmp_path, clock):
     target.finish()
     metadata = scan_mcap(only_session(tmp_path) / "link_000.mcap").metadata[SESSION_METADATA]
     assert json.loads(metadata["decoder_settings"]) == {"kogger_checksum": "mod255"}
+
+
+def test_a_record_that_cannot_be_encoded_costs_itself_and_no_raw_byte(tmp_path, clock):
+    target = recorder(tmp_path, clock)
+    feed(target, clock, 1.0)
+    target.observe(ping(Channel.A, clock.now_s, samples=70_000))  # its binary form counts up to 65535
+    blocks = feed(target, clock, 2.0)
+    target.finish()
+    content = scan_mcap(only_session(tmp_path) / "link_000.mcap")
+    assert content.messages_by_topic["/link/raw"] == 10 + len(blocks)
+    assert content.messages_by_topic["/ping/a"] == 3
+
+
+def test_an_hour_of_flushes_costs_little_memory(tmp_path, clock):
+    log = McapLog(tmp_path / "link.mcap", 0, {})
+    tracemalloc.start()
+    try:
+        for number in range(1500):
+            log.write_raw(b"block", number)
+            log.write_record(ping(Channel.A, clock.now_s))
+            log.write_record(sensor_sample(clock.now_s))
+            log.flush()
+            if number == 99:
+                before = tracemalloc.get_traced_memory()[0]
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    log.finish()
+    assert grown / 1400 < 300, "bytes per flush"
+    assert len(messages(tmp_path / "link.mcap", "/link/raw")) == 1500

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.records import Channel, CtdSample, Ping, Record, SensorSample, SonarFrames, UnknownFrame
+from bluerov_slam.services.channel_swap import swapped
 from bluerov_slam.sinks.csv_tables import CsvTables
 from bluerov_slam.sinks.dive_track import DiveTrack
 from bluerov_slam.sinks.jsonl_log import SensorLines
@@ -21,14 +22,15 @@ from bluerov_slam.sources.replay import decode
 class _Dive:
     """A recording and what a first pass over it tells."""
 
-    def __init__(self, recording: Recording, baud: int) -> None:
+    def __init__(self, recording: Recording, baud: int, swap: bool) -> None:
         self.recording = recording
         self._baud = baud
+        self._swap = swap
         self.track = DiveTrack(recording.utc_offset_s)
         self.dual: set[Channel] = set()
         self.sonar_frames = 0
         valid = False
-        for record in decode(recording, baud):
+        for record in self.records():
             self.track.add(record)
             valid = valid or not isinstance(record, UnknownFrame)
             if isinstance(record, SonarFrames):
@@ -40,8 +42,9 @@ class _Dive:
             raise RecordingError(f"{recording.path} holds no valid frame of the ESP32: is it the right file?")
 
     def records(self) -> Iterator[Record]:
-        """The second pass."""
-        return decode(self.recording, self._baud)
+        """Every record of the dive, decoded afresh each time."""
+        records = decode(self.recording, self._baud)
+        return map(swapped, records) if self._swap else records
 
     def require_sonar(self) -> None:
         """Raises RecordingError for a dive without sonar data."""
@@ -49,8 +52,13 @@ class _Dive:
             raise RecordingError(f"{self.recording.path} holds no sonar data: convert it to jsonl or csv")
 
 
-def convert(source: Path, target_format: str, output: Path, *, baud: int = 115200, force: bool = False) -> list[str]:
-    """Convert `source` into `output`. Returns what to tell the user. Raises RecordingError naming the cure."""
+def convert(
+    source: Path, target_format: str, output: Path, *, baud: int = 115200, swap: bool = False, force: bool = False
+) -> list[str]:
+    """Convert `source` into `output`; `swap` exchanges the sonars A and B.
+
+    Returns what to tell the user. Raises RecordingError naming the cure.
+    """
     converters: dict[str, Callable[[_Dive, Path], str]] = {
         "jsonl": _to_jsonl,
         "csv": _to_csv,
@@ -59,7 +67,7 @@ def convert(source: Path, target_format: str, output: Path, *, baud: int = 11520
     }
     if output.exists() and not force:
         raise RecordingError(f"{output} exists already: choose another name, or add --force to replace it")
-    dive = _Dive(open_recording(source), baud)
+    dive = _Dive(open_recording(source), baud, swap)
     try:
         with _in_whole(output) as unfinished:
             summary = converters[target_format](dive, unfinished)

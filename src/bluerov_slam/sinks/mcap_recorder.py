@@ -444,9 +444,11 @@ def _lock(folder: Path) -> int:
     descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         os.close(descriptor)
         raise RecordingError(
             f"another process records into {folder}; stop it, or give this one its own recording.folder"
         ) from None
+    except OSError as error:
+        _log.warning("%s cannot be locked against a second recorder: %s", folder, error)
     return descriptor
