@@ -5,7 +5,8 @@ import os
 import random
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,33 @@ def mounted(tmp_path: Path) -> Iterator[Path]:
         pytest.skip(f"a small disk needs the right to mount: {made.stderr.decode().strip()}")
     yield folder
     subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@dataclass(frozen=True)
+class ReadOnly:
+    """A folder that cannot be written until `release`, and what the recorder says about it."""
+
+    folder: Path
+    cure: str
+    release: Callable[[], object]
+
+
+@pytest.fixture
+def read_only(tmp_path: Path, request: pytest.FixtureRequest) -> ReadOnly:
+    """By its permissions; for root, whom they do not stop, by a read-only disk."""
+    if os.geteuid() != 0:
+        folder = tmp_path / "locked"
+        folder.mkdir(mode=0o555)
+        return ReadOnly(folder, "change its owner or set recording.folder", lambda: folder.chmod(0o755))
+    disk = request.getfixturevalue("mounted")
+    folder = disk / "recordings"
+    folder.mkdir()
+
+    def remount(mode: str) -> None:
+        subprocess.run(["mount", "-o", f"remount,{mode}", str(disk)], check=True)
+
+    remount("ro")
+    return ReadOnly(folder, "mounted read-only: bind a writable folder", lambda: remount("rw"))
 
 
 def fill(path: Path) -> None:
@@ -130,39 +158,22 @@ def test_a_full_disk_stops_the_recording_alone_and_nothing_is_lost_once_there_is
     assert all(is_complete(path) for path in session.glob("link_*.mcap"))
 
 
-def test_a_read_only_folder_is_named_with_its_cure_and_recording_begins_once_it_can(tmp_path, mounted, link):
-    folder = mounted / "recordings"
-    folder.mkdir()
-    subprocess.run(["mount", "-o", "remount,ro", str(mounted)], check=True)
-    with ExtensionProcess(tmp_path, recording__folder=str(folder)) as extension:
+def test_a_read_only_folder_is_named_with_its_cure_and_recording_begins_once_it_can(tmp_path, read_only, link):
+    with ExtensionProcess(tmp_path, recording__folder=str(read_only.folder)) as extension:
         extension.wait_until_open()
         feeder = Feeder(extension, link)
         feeder.start()
         facts = wait_for(lambda: (f := extension.recorder()).get("state") == "failed" and f, "read-only folder noticed")
-        assert "mounted read-only: bind a writable folder" in facts["error"]
+        assert read_only.cure in facts["error"]
         assert extension.get("/health")["status"] == "healthy"
         assert wait_for(lambda: extension.get("/api/latest"), "sensor data")["ts"] > 0
-        subprocess.run(["mount", "-o", "remount,rw", str(mounted)], check=True)
+        read_only.release()
         wait_for(lambda: extension.recorder().get("state") == "recording", "recording")
         feeder.end()
         wait_for(lambda: extension.recorder().get("queue") == 0, "empty queue")
         extension.terminate()
-    (session,) = folder.glob("session_*")
+    (session,) = read_only.folder.glob("session_*")
     assert recorded(session) == b"".join(data for _, data in feeder.written), "what came before waited"
-
-
-def test_a_folder_without_permission_is_named_with_its_cure(tmp_path, link):
-    if os.geteuid() == 0:
-        pytest.skip("root may write everywhere")
-    folder = tmp_path / "locked"
-    folder.mkdir(mode=0o555)
-    with ExtensionProcess(tmp_path, recording__folder=str(folder)) as extension:
-        extension.wait_until_open()
-        feeder = Feeder(extension, link)
-        feeder.start()
-        facts = wait_for(lambda: (f := extension.recorder()).get("state") == "failed" and f, "locked folder noticed")
-        assert "change its owner or set recording.folder" in facts["error"]
-        feeder.end()
 
 
 def test_an_orderly_end_keeps_every_byte(tmp_path, link):
