@@ -164,8 +164,6 @@ class VirtualEsp32:
         drift = 1.0 + self.scenario.clock_drift_ppm * 1.0e-6
         return int((at_s - self._booted_s) * drift * 1.0e6 + 0.5)
 
-    # --- life of the board --------------------------------------------------------------------------------------
-
     def _start_firmware(self) -> None:
         self._running = True
         self._queue = SendQueue(self._wire.bytes_per_s * _MAX_SONAR_BACKLOG_S)
@@ -241,8 +239,6 @@ class VirtualEsp32:
             for fault in self._faults
         )
 
-    # --- reports ------------------------------------------------------------------------------------------------
-
     def _send_sensors(self) -> None:
         payload = self._sensors.payload(self.now_s, self._device_us(self.now_s) // 1000 & _U32, self._ports)
         self._queue.put(Priority.SENSORS, MessageType.SENSORS, payload)
@@ -304,8 +300,6 @@ class VirtualEsp32:
             load = (self._tx_bytes - bytes_then) / (elapsed_s * self._wire.bytes_per_s)
             self._load_percent = min(100, round(100 * load))
             self._load_mark = (self.now_s, self._tx_bytes)
-
-    # --- sonars -------------------------------------------------------------------------------------------------
 
     def _make_sonar(self, channel: Channel) -> KoggerSonar:
         scenario = self.scenario
@@ -395,8 +389,6 @@ class VirtualEsp32:
         self._cut_next_ping[channel] = True
         self._schedule_ping(channel, self.now_s)
 
-    # --- the line -----------------------------------------------------------------------------------------------
-
     @property
     def _payload_limit(self) -> int:
         return PAYLOAD_LIMIT_115200 if self._wire.baud <= ROM_BAUD else PAYLOAD_LIMIT_921600
@@ -410,8 +402,6 @@ class VirtualEsp32:
 
     def _put(self, data: bytes) -> None:
         self._wire.put(self._wire_faults.damage(data, self.now_s, self._faults), self.now_s)
-
-    # --- commands -----------------------------------------------------------------------------------------------
 
     def _take(self, data: bytes) -> None:
         if not self._running or self.scenario.legacy:
