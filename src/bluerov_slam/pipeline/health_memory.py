@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from bluerov_slam.protocol.esp32_messages import MessageType
+from bluerov_slam.pipeline.health_model import PortState
+from bluerov_slam.protocol.esp32_messages import KNOWN_TYPES, MessageType
 from bluerov_slam.records import (
     AckResult,
     Channel,
@@ -103,7 +104,7 @@ class HealthMemory:
     def take(self, now_s: float, facts: HealthFacts) -> None:
         """Follow the counters."""
         link = facts.counters.link
-        if facts.link.state != "connected":
+        if facts.link.state is not PortState.CONNECTED:
             self.connected_s = None
         elif self.connected_s is None:
             self.connected_s = now_s
@@ -154,6 +155,6 @@ class HealthMemory:
         ack = self.command_error
         if ack is None or now_s - ack.arrived_s > COMMAND_ERROR_SHOWN_S:
             return None
-        known = ack.acked_type in MessageType._value2member_map_
+        known = ack.acked_type in KNOWN_TYPES
         name = MessageType(ack.acked_type).name if known else f"type 0x{ack.acked_type:02x}"
         return f"{name} was answered with {ack.result.name}"

@@ -14,6 +14,7 @@ from bluerov_slam.pipeline.link_counters import LinkDecoderCounters
 from bluerov_slam.pipeline.sea_water_watch import SeaWaterWatch
 from bluerov_slam.pipeline.sonar_channel import SonarChannel
 from bluerov_slam.protocol.esp32_messages import (
+    KNOWN_TYPES,
     Esp32FrameDecoder,
     ImuScale,
     MessageType,
@@ -223,6 +224,6 @@ class LinkDecoder:
         return True
 
     def _on_other(self, frame_type: int, payload: bytes, arrived_s: float, records: list[Record]) -> None:
-        known = frame_type in MessageType._value2member_map_
+        known = frame_type in KNOWN_TYPES
         (self._undecoded if known else self._unknown_types)[frame_type] += 1
         records.append(UnknownFrame(arrived_s, frame_type, len(payload)))

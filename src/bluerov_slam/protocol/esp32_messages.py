@@ -52,6 +52,9 @@ class MessageType(IntEnum):
     TIME_SYNC = 0x23
 
 
+KNOWN_TYPES = frozenset(MessageType)
+
+
 class ConfigKey(IntEnum):
     """What CONFIG can change."""
 
