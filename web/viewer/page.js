@@ -6,19 +6,18 @@ import { byId, setText } from '../shared/dom.js';
 import { clockTime, count, duration, fixed, signed } from '../shared/format.js';
 import { StatusStrip } from '../shared/status_strip.js';
 import { startTheme, onThemeChange } from '../shared/theme.js';
-import { ContactList, nextName } from './contacts.js';
+import { ContactDesk } from './contact_desk.js';
 import { showHelp, toast } from './dialogs.js';
 import { Feed } from './feed.js';
 import { listenToKeys } from './keyboard.js';
-import { DEFAULT_GAIN } from './levels.js';
-import { PALETTES } from './palettes.js';
-import { ContactsPanel, askForContact } from './panel_contacts.js';
+import { Looks } from './looks.js';
+import { ContactsPanel } from './panel_contacts.js';
 import { PicturePanel } from './panel_picture.js';
 import { SonarPanel } from './panel_sonar.js';
 import { PointerControl } from './pointer.js';
-import { loadPreferences, savePreferences } from './preferences.js';
+import { loadPreferences } from './preferences.js';
 import { measure } from './ranging.js';
-import { Readout, positionOf } from './readout.js';
+import { Readout } from './readout.js';
 import { saveSnapshot } from './snapshot.js';
 import { Stage } from './stage.js';
 import { FIRST_CHIPS, chipsOf, waitingText } from './status.js';
@@ -27,7 +26,6 @@ import { ToolBar } from './tools.js';
 import { Track } from './track.js';
 
 /** @typedef {import('./overlay.js').Spot} Spot */
-/** @typedef {import('./contacts.js').Contact} Contact */
 /** @typedef {import('./ranging.js').Layout} Layout */
 /** @typedef {'picture' | 'contacts' | 'sonar'} PanelName */
 
@@ -58,24 +56,23 @@ export class ViewerPage {
     );
     this.waterfall = this.stage.waterfall;
     this.overlay = this.stage.overlay;
-    this.waterfall.levels.automatic = this.preferences.automatic;
-    this.overlay.grid = this.preferences.grid;
     this.track = new Track();
-    this.contacts = new ContactList();
+    this.looks = new Looks(this.waterfall, this.overlay, this.preferences);
+    this.desk = new ContactDesk(this.stage, this.track, byId('drop', HTMLFormElement), (topS) =>
+      this.showTop(topS),
+    );
     /** @type {any} */
     this.status = null;
     this.statusAtMs = -Infinity;
     /** @type {any} */
     this.vehicle = null;
     this.vehicleAtMs = -Infinity;
-    this.serviceMirror = false;
     this.newPings = 0;
     this.perS = { A: NaN, B: NaN };
     /** @type {Record<'A' | 'B', number>} */
     this.lastPingS = { A: NaN, B: NaN };
     /** @type {Spot | null} */
     this.keyboardMeasure = null;
-    this.dropping = false;
     /** @type {PanelName | null} */
     this.openPanel = null;
     this.feed = new Feed(this.waterfall, {
@@ -99,38 +96,34 @@ export class ViewerPage {
     this.picturePanel = new PicturePanel(
       byId('panel-picture', HTMLElement),
       this.waterfall,
-      {
-        setLayout: (layout) => this.setLayout(layout),
-        setPalette: (palette, inverted) => this.setPalette(palette, inverted),
-        setAutomatic: (automatic) => this.setAutomatic(automatic),
-        setGain: (change) => this.setGain(change),
-        setGrid: () => this.toggleGrid(),
-        setMirrored: () => this.mirror(),
-        resetGain: () => this.resetGain(),
-      },
-      { grid: this.preferences.grid, mirrored: this.preferences.mirrored },
+      this.looks,
+      this.preferences,
     );
     this.contactsPanel = new ContactsPanel(
       byId('panel-contacts', HTMLElement),
-      this.contacts,
+      this.desk.list,
       this.waterfall,
-      {
-        goTo: (contact) => this.goToContact(contact),
-        timeOf: (contact) => this.timeOf(contact),
-        dropAtCursor: () => this.dropContact(),
-      },
+      this.desk,
     );
     this.sonarPanel = new SonarPanel(byId('panel-sonar', HTMLElement));
-    this.contacts.onChange = () => this.contactsChanged();
+    this.desk.onChange = (contacts) => {
+      this.contactsPanel?.refresh();
+      this.tools?.showContacts(contacts.length);
+    };
+    this.looks.onChange = () => {
+      this.picturePanel?.refresh();
+      this.picturePanel?.drawHistogram();
+    };
     this.pointer = new PointerControl(this.stage, {
       onHover: (spot) => this.setCursor(spot),
-      onClick: (spot, x, y) => this.askContact(spot, { x, y }),
+      onClick: (spot, x, y) => this.desk.ask(spot, { x, y }),
       onTap: (spot) => this.setCursor(spot),
       onMeasure: (from, to) => this.showMeasurement(from, to),
       measuring: () => this.tools?.measuring ?? false,
       onScroll: (seconds) => this.scrollSeconds(seconds),
       onMoved: () => this.moved(),
     });
+    this.stage.beforeAxes = () => this.followMouse();
     this.stage.onDrawn = () => this.frameDrawn();
     this.waterfall.onLevels = () => this.levelsMeasured();
   }
@@ -138,7 +131,6 @@ export class ViewerPage {
   start() {
     startTheme(null);
     onThemeChange(() => this.picturePanel?.drawHistogram());
-    this.applyMirror();
     this.picturePanel?.refresh();
     byId('back-to-live', HTMLButtonElement).addEventListener('click', () => this.goLive());
     byId('panel-close', HTMLButtonElement).addEventListener('click', () => this.showPanel(null));
@@ -148,7 +140,7 @@ export class ViewerPage {
     listenToKeys(this);
     this.fadeWhenIdle();
     this.feed.start();
-    this.contacts.refresh().catch(() => {});
+    this.desk.list.refresh().catch(() => {});
     this.slowUpdate();
     setInterval(() => this.slowUpdate(), SLOW_MS);
   }
@@ -179,12 +171,8 @@ export class ViewerPage {
     const recordingChanged = this.status && this.status.recording !== status?.recording;
     this.status = status;
     this.statusAtMs = performance.now();
-    const mirror = status?.mirror === true;
-    if (mirror !== this.serviceMirror) {
-      this.serviceMirror = mirror;
-      this.applyMirror();
-    }
-    if (recordingChanged) this.contacts.refresh().catch(() => {});
+    this.looks.setServiceMirror(status?.mirror === true);
+    if (recordingChanged) this.desk.list.refresh().catch(() => {});
   }
 
   /** @param {any} sonar */
@@ -222,7 +210,6 @@ export class ViewerPage {
     if (!ring.length || Number.isFinite(this.overlay.unixOffsetS)) return;
     const slot = ring.slot(ring.length - 1);
     this.noteClock(ring.unixS[slot], ring.timeS[slot]);
-    this.contactsChanged();
   }
 
   /** @param {number} unixS @param {number} monotonicS */
@@ -231,10 +218,16 @@ export class ViewerPage {
     // Steps of the wall clock count, its milliseconds of jitter would make the labels dance.
     if (Math.abs(offset - this.overlay.unixOffsetS) < 0.5) return;
     this.overlay.unixOffsetS = offset;
-    this.placeMarkers();
+    this.desk.placeMarkers();
   }
 
   /* Every frame, and twice a second */
+
+  /** The picture moves under a resting mouse: the cursor stays with the mouse, not with the ping. */
+  followMouse() {
+    const spot = this.desk.asking ? null : this.pointer?.hovered();
+    if (spot) this.overlay.cursor = spot;
+  }
 
   frameDrawn() {
     this.readout?.showCursor(
@@ -363,7 +356,7 @@ export class ViewerPage {
   moved() {
     if (this.waterfall.view.live) this.newPings = 0;
     this.preferences.secondsPerPixel = this.waterfall.view.secondsPerPixel;
-    this.save();
+    this.looks.save();
     this.feed.moved();
   }
 
@@ -386,7 +379,7 @@ export class ViewerPage {
 
   /** @param {Spot | null} spot */
   setCursor(spot) {
-    if (this.dropping) return;
+    if (this.desk.asking) return;
     this.overlay.cursor = spot;
     this.waterfall.invalidate();
   }
@@ -394,6 +387,7 @@ export class ViewerPage {
   /** @param {number} dx @param {number} dy steps of 12 pixels */
   moveCursor(dx, dy) {
     const { waterfall, stage } = this;
+    this.pointer?.release();
     const pane =
       waterfall.panes.find((p) => p.channel === this.overlay.cursor?.channel) ?? waterfall.panes.at(-1);
     if (!pane) return;
@@ -426,6 +420,7 @@ export class ViewerPage {
   }
 
   clear() {
+    this.pointer?.release();
     this.overlay.cursor = null;
     this.overlay.measurement = null;
     this.keyboardMeasure = null;
@@ -434,185 +429,44 @@ export class ViewerPage {
   }
 
   dropContact() {
-    const { cursor } = this.overlay;
-    const at = cursor && this.overlay.locate(cursor);
-    if (!cursor || !at) {
-      toast('First put the cursor on an echo: tap it, or Shift and the arrows.');
-      return;
-    }
-    const box = this.stage.element.getBoundingClientRect();
-    this.askContact(cursor, { x: box.left + at.x, y: box.top + at.y });
+    this.desk.dropAtCursor();
   }
 
-  /** @param {Spot} spot @param {{x: number, y: number}} at */
-  askContact(spot, at) {
-    this.overlay.cursor = { ...spot };
-    this.dropping = true;
-    this.waterfall.invalidate();
-    const where = `${fixed(spot.rangeM, 1)} ${this.overlay.unit} ${spot.channel === 'A' ? 'starboard' : 'port'}`;
-    askForContact(
-      byId('drop', HTMLFormElement),
-      at,
-      where,
-      nextName(this.contacts.contacts),
-      async (name, note) => {
-        await this.contacts.add(this.contactAt(spot, name, note));
-        toast(`${name} saved`);
-      },
-      () => {
-        this.dropping = false;
-        this.stage.element.focus({ preventScroll: true });
-      },
-    );
-  }
-
-  /** @param {Spot} spot @param {string} name @param {string} note */
-  contactAt(spot, name, note) {
-    const pane = this.waterfall.panes.find((candidate) => candidate.channel === spot.channel);
-    const ping = pane ? this.waterfall.pingAt(pane, this.waterfall.yAtTime(pane, spot.timeS)) : -1;
-    const position = positionOf(spot, this.track);
-    const unixS = spot.timeS + this.overlay.unixOffsetS;
-    return {
-      name,
-      note,
-      channel: spot.channel,
-      ping_number: typeof ping === 'number' ? null : ping.ring.number[ping.slot],
-      range_m: Math.round(spot.rangeM * 1000) / 1000,
-      time_unix_s: Number.isFinite(unixS) ? unixS : null,
-      latitude_deg: position?.latitudeDeg ?? null,
-      longitude_deg: position?.longitudeDeg ?? null,
-    };
-  }
-
-  /** @param {Contact} contact on the page's time axis; NaN while the wall clock is unknown */
-  timeOf(contact) {
-    return (contact.time_unix_s ?? NaN) - this.overlay.unixOffsetS;
-  }
-
-  contactsChanged() {
-    this.placeMarkers();
-    this.contactsPanel?.refresh();
-    this.tools?.showContacts(this.contacts.contacts.length);
-  }
-
-  placeMarkers() {
-    this.overlay.markers = this.contacts.contacts
-      .filter((contact) => contact.range_m !== null && Number.isFinite(this.timeOf(contact)))
-      .map((contact) => ({
-        spot: { channel: contact.channel, rangeM: contact.range_m ?? 0, timeS: this.timeOf(contact) },
-        name: contact.name,
-        selected: false,
-      }));
-    this.waterfall.invalidate();
-  }
-
-  /** @param {Contact} contact */
-  goToContact(contact) {
-    const timeS = this.timeOf(contact);
-    if (!Number.isFinite(timeS)) {
-      toast('The time of this contact is not known, so it cannot be shown.', 'fault');
-      return;
-    }
-    for (const marker of this.overlay.markers) marker.selected = marker.spot.timeS === timeS;
-    this.showTop(timeS + this.waterfall.windowS / 2);
-  }
-
-  /* Looks */
+  /* Looks, for the keys */
 
   /** @param {Layout} layout */
   setLayout(layout) {
-    this.waterfall.view.layout = layout;
-    this.preferences.layout = layout;
-    this.waterfall.layOut();
-    this.lookChanged();
+    this.looks.setLayout(layout);
   }
 
   nextLayout() {
-    /** @type {Layout[]} */
-    const order = ['side', 'stacked', 'B', 'A'];
-    this.setLayout(order[(order.indexOf(this.waterfall.view.layout) + 1) % order.length]);
-  }
-
-  /** @param {string} palette @param {boolean} inverted */
-  setPalette(palette, inverted) {
-    this.waterfall.setPalette(palette, inverted);
-    Object.assign(this.preferences, { palette, inverted });
-    this.lookChanged();
-    this.picturePanel?.drawHistogram();
+    this.looks.nextLayout();
   }
 
   nextPalette() {
-    const index = PALETTES.findIndex((palette) => palette.id === this.waterfall.palette);
-    const next = PALETTES[(index + 1) % PALETTES.length];
-    this.setPalette(next.id, this.waterfall.inverted);
-    toast(`Palette ${next.label}`);
+    toast(`Palette ${this.looks.nextPalette()}`);
   }
 
   invert() {
-    this.setPalette(this.waterfall.palette, !this.waterfall.inverted);
-  }
-
-  /** @param {Partial<import('./gain.js').GainSettings>} change */
-  setGain(change) {
-    const { levels } = this.waterfall;
-    Object.assign(levels.gain, change);
-    if ('black' in change || 'white' in change) this.setAutomatic(false);
-    this.preferences.gain = { ...levels.gain };
-    this.waterfall.gainChanged('tvg' in change || 'spreadingDb' in change || 'absorptionDbPerM' in change);
-    this.lookChanged();
+    this.looks.invert();
   }
 
   /** @param {number} db */
   changeGain(db) {
-    const gainDb = Math.min(24, Math.max(-24, this.waterfall.levels.gain.gainDb + db));
-    this.setGain({ gainDb });
-    toast(`Gain ${signed(gainDb, 1)} dB`);
-  }
-
-  /** @param {boolean} automatic */
-  setAutomatic(automatic) {
-    this.waterfall.levels.automatic = automatic;
-    this.preferences.automatic = automatic;
-    if (automatic) this.waterfall.gainChanged(true);
-    this.lookChanged();
+    toast(`Gain ${signed(this.looks.changeGain(db), 1)} dB`);
   }
 
   toggleAuto() {
-    this.setAutomatic(!this.waterfall.levels.automatic);
+    this.looks.setAutomatic(!this.waterfall.levels.automatic);
     toast(this.waterfall.levels.automatic ? 'Auto-level on' : 'Levels locked');
   }
 
-  resetGain() {
-    Object.assign(this.waterfall.levels.gain, DEFAULT_GAIN);
-    this.setAutomatic(true);
-  }
-
   toggleGrid() {
-    this.overlay.grid = !this.overlay.grid;
-    this.preferences.grid = this.overlay.grid;
-    this.lookChanged();
+    this.looks.toggleGrid();
   }
 
   mirror() {
-    this.preferences.mirrored = !this.preferences.mirrored;
-    this.applyMirror();
-    this.lookChanged();
-  }
-
-  /** The setting of the vehicle and the switch of this page together. */
-  applyMirror() {
-    this.waterfall.view.swapped = this.preferences.mirrored !== this.serviceMirror;
-    this.waterfall.layOut();
-  }
-
-  lookChanged() {
-    this.save();
-    this.picturePanel?.refresh();
-    this.waterfall.invalidate();
-  }
-
-  save() {
-    savePreferences(this.preferences);
+    this.looks.mirror();
   }
 
   /* Panels and the rest */
@@ -638,7 +492,7 @@ export class ViewerPage {
     setText(byId('panel-title', HTMLElement), PANEL_TITLES[name]);
     byId('panel-title', HTMLElement).focus({ preventScroll: true });
     if (name === 'picture') this.levelsMeasured();
-    if (name === 'contacts') this.contacts.refresh().catch((error) => toast(error.message, 'fault'));
+    if (name === 'contacts') this.desk.list.refresh().catch((error) => toast(error.message, 'fault'));
     if (name === 'sonar')
       call('api/sonar')
         .then((sonar) => this.takeSonar(sonar))

@@ -20,7 +20,7 @@ export class ContactsPanel {
    * @param {HTMLElement} root
    * @param {ContactList} list
    * @param {Waterfall} waterfall
-   * @param {{goTo: (contact: Contact) => void, timeOf: (contact: Contact) => number, dropAtCursor: () => void}} actions
+   * @param {import('./contact_desk.js').ContactDesk} actions
    */
   constructor(root, list, waterfall, actions) {
     this.list = list;
@@ -30,16 +30,16 @@ export class ContactsPanel {
     this.thumbnails = new Map();
     this.count = make('p', { class: 'hint' });
     this.rows = make('ul', { 'aria-label': 'Contacts' });
-    const button = (/** @type {string} */ text, /** @type {() => void} */ click) =>
-      make('button', { class: 'button', type: 'button', text, on: { click } });
+    const button = (/** @type {string} */ text, /** @type {() => void} */ click, kind = '') =>
+      make('button', { class: `button ${kind}`.trim(), type: 'button', text, on: { click } });
     root.append(
       this.count,
       make(
         'div',
         { class: 'buttons' },
-        button('At the cursor', () => actions.dropAtCursor()),
-        button('CSV', () => this.export('csv')),
-        button('JSON', () => this.export('json')),
+        button('New contact at the cursor', () => actions.dropAtCursor(), 'wide'),
+        button('Save CSV', () => this.export('csv')),
+        button('Save JSON', () => this.export('json')),
       ),
       this.rows,
     );
@@ -52,7 +52,7 @@ export class ContactsPanel {
       this.count,
       contacts.length
         ? `${contacts.length} kept with the recording`
-        : 'None yet. Click an echo, or tap it and choose At the cursor.',
+        : 'None yet. Click an echo, or tap it and use the button.',
     );
     // A name being typed is not torn away by an update from elsewhere.
     if (this.rows.contains(document.activeElement) && document.activeElement instanceof HTMLInputElement)

@@ -9,17 +9,6 @@ import { PALETTES, cssGradient, paletteTable } from './palettes.js';
 /** @typedef {import('./waterfall.js').Waterfall} Waterfall */
 /** @typedef {import('./gain.js').GainSettings} GainSettings */
 
-/**
- * @typedef {object} PictureActions
- * @property {(layout: import('./ranging.js').Layout) => void} setLayout
- * @property {(palette: string, inverted: boolean) => void} setPalette
- * @property {(automatic: boolean) => void} setAutomatic
- * @property {(change: Partial<GainSettings>) => void} setGain
- * @property {(on: boolean) => void} setGrid
- * @property {(on: boolean) => void} setMirrored
- * @property {() => void} resetGain
- */
-
 /** Key, label, least, most, step, text of a value. @type {[keyof GainSettings, string, number, number, number, (v: number) => string][]} */
 const SLIDERS = [
   ['gainDb', 'Gain', -24, 24, 0.5, (v) => `${signed(v, 1)} dB`],
@@ -38,7 +27,7 @@ export class PicturePanel {
   /**
    * @param {HTMLElement} root
    * @param {Waterfall} waterfall
-   * @param {PictureActions} actions
+   * @param {import('./looks.js').Looks} actions
    * @param {{grid: boolean, mirrored: boolean}} stored
    */
   constructor(root, waterfall, actions, stored) {
@@ -83,8 +72,8 @@ export class PicturePanel {
     this.inverted = checkbox('Inverted', waterfall.inverted, (on) =>
       actions.setPalette(waterfall.palette, on),
     );
-    this.grid = checkbox('Range and time grid', stored.grid, (on) => actions.setGrid(on));
-    this.mirrored = checkbox('Mirror left and right', stored.mirrored, (on) => actions.setMirrored(on));
+    this.grid = checkbox('Range and time grid', stored.grid, () => actions.toggleGrid());
+    this.mirrored = checkbox('Mirror left and right', stored.mirrored, () => actions.mirror());
     root.append(
       make('h3', { text: 'View' }),
       this.layouts,
@@ -112,7 +101,7 @@ export class PicturePanel {
           class: 'button',
           type: 'button',
           text: 'Default levels',
-          on: { click: actions.resetGain },
+          on: { click: () => actions.resetGain() },
         }),
       ),
     );
@@ -164,7 +153,8 @@ export class PicturePanel {
     choose(this.layouts, waterfall.view.layout);
     choose(this.root, waterfall.palette, 'palette');
     this.inverted.input.checked = waterfall.inverted;
-    this.mirrored.input.checked = waterfall.view.swapped;
+    this.mirrored.input.checked = this.actions.preferences.mirrored;
+    this.grid.input.checked = this.actions.overlay.grid;
     this.curve.hidden = gain.tvg !== 'curve';
     for (const { id, ramp } of this.ramps ?? [])
       ramp.style.background = cssGradient(paletteTable(id, waterfall.inverted));
@@ -188,8 +178,8 @@ export class PicturePanel {
     let most = 0;
     for (let k = 1; k < HISTOGRAM_BINS - 1; k++) most = Math.max(most, histogram[k]);
     for (let k = 0; k < HISTOGRAM_BINS; k++) {
-      const x = (k * width) / HISTOGRAM_BINS;
-      const barWidth = Math.ceil(width / HISTOGRAM_BINS);
+      const x = Math.floor((k * width) / HISTOGRAM_BINS);
+      const barWidth = Math.floor(((k + 1) * width) / HISTOGRAM_BINS) - x;
       const at = 4 * Math.round(255 * displayLevel(((k + 0.5) / HISTOGRAM_BINS) * 255, 1, gain));
       context.fillStyle = `rgb(${table[at]} ${table[at + 1]} ${table[at + 2]})`;
       context.fillRect(x, height - strip, barWidth, strip);

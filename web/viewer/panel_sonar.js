@@ -47,7 +47,7 @@ export class SonarPanel {
       this.boost = this.boostInput.checked;
       this.refresh();
     });
-    this.boostRead = make('span', { class: 'hint' });
+    this.boostRead = make('p', { class: 'read' });
     this.sum = make('p', { class: 'sum', id: 'sonar-sum', 'aria-live': 'polite' });
     this.answer = make('p', { class: 'answer', id: 'sonar-answer', role: 'status' });
     this.applyButton = make('button', { class: 'button primary', type: 'submit', text: 'Apply' });
@@ -58,14 +58,23 @@ export class SonarPanel {
       on: { click: () => this.revert() },
     });
     this.form.append(
-      make('label', { class: 'check' }, this.boostInput, 'Boost (stronger transmit pulse)', this.boostRead),
-      this.sum,
-      make('div', { class: 'buttons' }, this.revertButton, this.applyButton),
+      make(
+        'div',
+        { class: 'setting' },
+        make('div', {}, make('label', { for: 'sonar-boost', text: 'Boost' }), this.boostRead),
+        this.boostInput,
+      ),
+      make(
+        'div',
+        { class: 'decide' },
+        this.sum,
+        this.answer,
+        make('div', { class: 'buttons' }, this.revertButton, this.applyButton),
+      ),
     );
     this.device = make('dl', { class: 'device' });
     root.append(
       this.targets,
-      this.answer,
       this.form,
       make('h3', { text: 'Sonar' }),
       this.device,
@@ -99,10 +108,9 @@ export class SonarPanel {
     const row = make(
       'div',
       { class: 'setting' },
-      make('label', { for: id, text: field.label }),
+      make('div', {}, make('label', { for: id, text: field.label }), read),
       input,
       make('span', { class: 'unit', text: field.unit }),
-      read,
     );
     if (field.key === 'sound_speed_mps') {
       this.ctdButton = make('button', {

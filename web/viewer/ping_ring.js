@@ -220,14 +220,10 @@ export class PingRing {
     this.recentIntervals[this.intervalCount % PERIOD_WINDOW] = intervalS;
     this.intervalCount += 1;
     const used = Math.min(this.intervalCount, PERIOD_WINDOW);
-    if (used === PERIOD_WINDOW) {
-      this.sortScratch.set(this.recentIntervals);
-      this.sortScratch.sort();
-      return this.sortScratch[PERIOD_WINDOW >> 1];
-    }
-    let smallest = Infinity;
-    for (let k = 0; k < used; k++) smallest = Math.min(smallest, this.recentIntervals[k]);
-    return smallest;
+    const known = this.sortScratch.subarray(0, used);
+    known.set(this.recentIntervals.subarray(0, used));
+    known.sort();
+    return known[used >> 1];
   }
 }
 

@@ -37,6 +37,8 @@ export class PointerControl {
     /** @type {Spot | null} */
     this.startSpot = null;
     this.start = { x: 0, y: 0 };
+    /** Where the mouse rests: the picture moves under it. @type {{x: number, y: number} | null} */
+    this.hover = null;
     this.pinch = { distanceX: 0, distanceY: 0 };
     const { element } = stage;
     element.addEventListener('pointerdown', (event) => this.down(event));
@@ -44,7 +46,9 @@ export class PointerControl {
     element.addEventListener('pointerup', (event) => this.up(event));
     element.addEventListener('pointercancel', (event) => this.forget(event));
     element.addEventListener('pointerleave', (event) => {
-      if (event.pointerType === 'mouse' && this.mode === 'none') this.handlers.onHover(null);
+      if (event.pointerType !== 'mouse' || this.mode !== 'none') return;
+      this.hover = null;
+      this.handlers.onHover(null);
     });
     element.addEventListener('wheel', (event) => this.wheel(event), { passive: false });
     element.addEventListener('contextmenu', (event) => event.preventDefault());
@@ -72,7 +76,10 @@ export class PointerControl {
   move(event) {
     const last = this.pointers.get(event.pointerId);
     const spot = this.stage.spotAt(event.clientX, event.clientY);
-    if (event.pointerType === 'mouse') this.handlers.onHover(spot);
+    if (event.pointerType === 'mouse') {
+      this.hover = { x: event.clientX, y: event.clientY };
+      this.handlers.onHover(spot);
+    }
     if (!last) return;
     if (this.mode === 'maybe') this.decide(event);
     if (this.mode === 'measure' && this.startSpot && spot) this.handlers.onMeasure(this.startSpot, spot);
@@ -80,6 +87,16 @@ export class PointerControl {
     last.x = event.clientX;
     last.y = event.clientY;
     if (this.mode === 'pinch') this.applyPinch();
+  }
+
+  /** The keyboard took the cursor. */
+  release() {
+    this.hover = null;
+  }
+
+  /** @returns {Spot | null} what lies under the resting mouse now */
+  hovered() {
+    return this.hover && this.mode === 'none' ? this.stage.spotAt(this.hover.x, this.hover.y) : null;
   }
 
   /** @param {PointerEvent} event */

@@ -3,7 +3,8 @@
  * Which ping each row of the picture shows. Rows lie on a fixed grid in time, so a row keeps its pings while it
  * scrolls and nothing shimmers. Pure.
  *
- * A ping owns the time before it, up to 1.75 periods: what is left over was lost and is hatched.
+ * A ping owns the time back to the one before it. Where that is longer than a period may jitter, it owns one period and
+ * the rest was lost: hatched.
  */
 
 /** @typedef {import('./ping_ring.js').PingRing} PingRing */
@@ -55,7 +56,10 @@ export function fillRowTable(table, rows, ring, layer, topRow, secondsPerRow, on
 function codeBetween(ring, above, timeS, base) {
   if (above >= ring.length) return NOTHING;
   const slot = ring.slot(above);
-  if (ring.timeS[slot] - timeS <= LATENESS_ALLOWED * ring.periodS[slot]) return base + slot;
+  const pingS = ring.timeS[slot];
+  const period = ring.periodS[slot];
+  const intervalS = above === 0 ? Infinity : pingS - ring.timeS[ring.slot(above - 1)];
+  if (intervalS <= LATENESS_ALLOWED * period || pingS - timeS <= period) return base + slot;
   return above === 0 ? NOTHING : LOST;
 }
 

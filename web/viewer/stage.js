@@ -23,9 +23,12 @@ export class Stage {
     this.waterfall = new Waterfall(picture, stored);
     this.overlay = new Overlay(axes, this.waterfall);
     this.dpr = 1;
+    /** Called before the axes of a frame are drawn. @type {() => void} */
+    this.beforeAxes = () => {};
     /** Called after each drawn frame. @type {() => void} */
     this.onDrawn = () => {};
     this.waterfall.onDrawn = () => {
+      this.beforeAxes();
       this.overlay.draw();
       this.onDrawn();
     };

@@ -21,8 +21,8 @@ const SILENT_AFTER_S = 3;
 export const FIRST_CHIPS = /** @type {ChipData[]} */ (
   [
     ['link', 'Link'],
-    ['sonar_a', 'Starboard'],
-    ['sonar_b', 'Port'],
+    ['sonar_b', 'Port B'],
+    ['sonar_a', 'Stbd A'],
     ['loss', 'Loss'],
     ['extension', 'Extension'],
   ].map(([id, label]) => ({ id, label, state: 'unknown', text: '-' }))
@@ -32,8 +32,8 @@ export const FIRST_CHIPS = /** @type {ChipData[]} */ (
 export function chipsOf(facts) {
   return [
     linkChip(facts),
-    sonarChip(facts, 'A'),
     sonarChip(facts, 'B'),
+    sonarChip(facts, 'A'),
     lossChip(facts),
     extensionChip(facts),
   ];
@@ -75,7 +75,7 @@ function linkChip({ phase, coarse, malformed }) {
 /** @param {Facts} facts @param {'A' | 'B'} name @returns {ChipData} */
 function sonarChip({ phase, status, channels }, name) {
   const words = name === 'A' ? 'Starboard' : 'Port';
-  const chip = { id: name === 'A' ? 'sonar_a' : 'sonar_b', label: words };
+  const chip = { id: name === 'A' ? 'sonar_a' : 'sonar_b', label: name === 'A' ? 'Stbd A' : 'Port B' };
   const here = channels[name];
   if (phase !== 'open') return { ...chip, state: 'unknown', text: '-' };
   if (here.ageS < SILENT_AFTER_S) return { ...chip, state: 'ok', text: `${fixed(here.perS, 1)} pings/s` };

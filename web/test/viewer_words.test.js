@@ -1,0 +1,230 @@
+// @ts-check
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { contactsCsv, contactsOf, nextName } from '../viewer/contacts.js';
+import { candidates } from '../viewer/feed.js';
+import { KEYS, isTakenBy, keyFor } from '../viewer/keyboard.js';
+import { PALETTES } from '../viewer/palettes.js';
+import { parsePreferences } from '../viewer/preferences.js';
+import { amplitudeText } from '../viewer/readout.js';
+import { FIELDS, outcomeText, parseField, readBack, samplesFor } from '../viewer/sonar_fields.js';
+import { FIRST_CHIPS, chipsOf, waitingText } from '../viewer/status.js';
+import { Track } from '../viewer/track.js';
+import { widgetOptions } from '../viewer/widget.js';
+
+/** @type {import('../viewer/contacts.js').Contact} */
+const CONTACT = {
+  id: 'a1',
+  name: 'Anchor',
+  note: '',
+  channel: 'A',
+  ping_number: 7,
+  range_m: 12.5,
+  time_unix_s: 1.7e9,
+  latitude_deg: null,
+  longitude_deg: null,
+};
+
+/** @type {import('../viewer/status.js').Facts} */
+const FACTS = {
+  phase: 'open',
+  coarse: false,
+  status: {
+    extension_link: true,
+    channels: {
+      A: { alive: true, pings: 100, incomplete: 0 },
+      B: { alive: false, pings: 100, incomplete: 0 },
+    },
+  },
+  statusAgeS: 0.5,
+  channels: { A: { ageS: 0.1, perS: 10, missed: 0 }, B: { ageS: 0.1, perS: 10, missed: 0 } },
+  malformed: 0,
+};
+
+/** @param {Partial<import('../viewer/status.js').Facts>} change @param {string} id */
+function chip(change, id) {
+  const found = chipsOf({ ...FACTS, ...change }).find((candidate) => candidate.id === id);
+  assert.ok(found);
+  return found;
+}
+
+test('all is well: five chips, each with a place reserved before', () => {
+  const chips = chipsOf(FACTS);
+  assert.deepEqual(
+    chips.map(({ id }) => id),
+    FIRST_CHIPS.map(({ id }) => id),
+  );
+  assert.ok(chips.every(({ state }) => state === 'ok'));
+});
+
+test('every fault names its cause and its cure', () => {
+  const silent = { ageS: 12, perS: 10, missed: 0 };
+  const faults = [
+    chip({ phase: 'waiting' }, 'link'),
+    chip({ coarse: true }, 'link'),
+    chip({ malformed: 3 }, 'link'),
+    chip({ channels: { A: silent, B: silent } }, 'sonar_a'),
+    chip({ channels: { A: silent, B: silent } }, 'sonar_b'),
+    chip({ channels: { ...FACTS.channels, A: { ageS: 0, perS: 10, missed: 5 } } }, 'loss'),
+    chip({ status: { ...FACTS.status, extension_link: false } }, 'extension'),
+  ];
+  for (const fault of faults) {
+    assert.ok(fault.state === 'fault' || fault.state === 'warn', fault.id);
+    assert.ok(fault.cause && fault.cure, fault.id);
+  }
+});
+
+test('a sonar that answers but does not ping is told from one that is dead', () => {
+  const silent = { ageS: Infinity, perS: NaN, missed: 0 };
+  const channels = { A: silent, B: silent };
+  assert.match(String(chip({ channels }, 'sonar_a').cause), /answers/);
+  assert.match(String(chip({ channels }, 'sonar_b').cure), /12 V/);
+});
+
+test('without a connection nothing is claimed about what lies behind it', () => {
+  for (const id of ['sonar_a', 'sonar_b', 'loss', 'extension']) {
+    assert.equal(chip({ phase: 'waiting' }, id).state, 'unknown');
+  }
+});
+
+test('the empty picture says what it waits for', () => {
+  const open = { connection: { state: { phase: 'open' } } };
+  assert.equal(waitingText(open, true, null), null);
+  assert.match(
+    waitingText({ connection: { state: { phase: 'waiting' } } }, false, null)?.title ?? '',
+    /Connecting/,
+  );
+  assert.match(waitingText(open, false, { extension_link: false })?.title ?? '', /extension/);
+  assert.match(waitingText(open, false, { extension_link: true })?.text ?? '', /12 V/);
+});
+
+test('the socket beside the page comes first, our own ports only on plain http', () => {
+  assert.deepEqual(candidates('http://192.168.2.2/extensionv2/sonar/'), [
+    'ws://192.168.2.2/extensionv2/sonar/ws',
+    'ws://192.168.2.2:8100/ws',
+    'ws://192.168.2.2:8101/',
+  ]);
+  assert.deepEqual(candidates('http://blueos.local:8100/'), [
+    'ws://blueos.local:8100/ws',
+    'ws://blueos.local:8101/',
+  ]);
+  assert.deepEqual(candidates('https://blueos.local/extensionv2/sonar/'), [
+    'wss://blueos.local/extensionv2/sonar/ws',
+  ]);
+});
+
+test('contacts are read from a list or an object; what cannot be shown is left out', () => {
+  assert.deepEqual(contactsOf({ contacts: [CONTACT, { id: 'x' }, null] }), [CONTACT]);
+  assert.deepEqual(contactsOf([CONTACT]), [CONTACT]);
+  assert.deepEqual(contactsOf('nonsense'), []);
+});
+
+test('CSV quotes what needs it, leaves unknown empty and disarms formulas', () => {
+  const csv = contactsCsv([{ ...CONTACT, name: 'a "big", one', note: '=1+1' }]);
+  const [head, row] = csv.split('\r\n');
+  assert.equal(head.split(',').length, 9);
+  assert.equal(row, `a1,"a ""big"", one",'=1+1,A,7,12.5,1700000000,,`);
+});
+
+test('a new contact gets a name that nobody has', () => {
+  assert.equal(nextName([]), 'Contact 1');
+  assert.equal(nextName([CONTACT, { ...CONTACT, name: 'Contact 3' }]), 'Contact 4');
+});
+
+test('no two keys do different things', () => {
+  const all = KEYS.flatMap((key) => key.keys);
+  assert.equal(new Set(all).size, all.length);
+});
+
+test('keys are found by name, with Shift only where it matters, never with Ctrl', () => {
+  const event = { shiftKey: false, ctrlKey: false, altKey: false, metaKey: false };
+  assert.match(keyFor({ ...event, key: ' ' })?.does ?? '', /Pause/);
+  assert.equal(keyFor({ ...event, key: 'S', shiftKey: true }), keyFor({ ...event, key: 's' }));
+  assert.notEqual(keyFor({ ...event, key: 'ArrowUp', shiftKey: true }), keyFor({ ...event, key: 'ArrowUp' }));
+  assert.equal(keyFor({ ...event, key: 's', ctrlKey: true }), null);
+  assert.match(keyFor({ ...event, key: '?', shiftKey: true })?.does ?? '', /list/);
+});
+
+test('a control keeps the keys that it needs itself', () => {
+  /** @param {string} selector @returns {any} */
+  const element = (selector) => ({
+    closest: () => null,
+    matches: (/** @type {string} */ asked) => asked.split(', ').some((part) => part.startsWith(selector)),
+  });
+  assert.equal(isTakenBy(null, ' '), false);
+  assert.equal(isTakenBy(element('button'), ' '), true);
+  assert.equal(isTakenBy(element('button'), 'p'), false);
+  assert.equal(isTakenBy(element('input[type=range]'), 'ArrowUp'), true);
+  assert.equal(isTakenBy(element('input[type=range]'), 'p'), false);
+  assert.equal(isTakenBy(element('textarea'), 'p'), true);
+});
+
+test('damaged or foreign preferences fall back to defaults, key by key', () => {
+  const defaults = parsePreferences(null);
+  assert.deepEqual(parsePreferences('{'), defaults);
+  assert.deepEqual(parsePreferences('[1]'), defaults);
+  const some = parsePreferences(
+    '{"palette":"grey","layout":"upside","gain":{"gainDb":3,"gamma":"x"},"more":1}',
+  );
+  assert.equal(some.palette, 'grey');
+  assert.equal(some.layout, defaults.layout);
+  assert.deepEqual(some.gain, { gainDb: 3 });
+});
+
+test('typed settings are checked against the limits of the service', () => {
+  const range = FIELDS[0];
+  assert.deepEqual(parseField(range, ' 12,5 ', undefined), { value: 12.5 });
+  for (const text of ['', 'abc', '0', '201'])
+    assert.ok('problem' in parseField(range, text, [0.1, 200]), text);
+});
+
+test('what was asked and what was read are told apart', () => {
+  const sonar = {
+    A: { asked: { range_m: 30 }, read: { range_m: 20 } },
+    B: { asked: {}, read: { range_m: 20 } },
+  };
+  assert.deepEqual(readBack('range_m', 1, sonar, ['A', 'B']), {
+    text: 'Reads A 20.0 (asked 30.0), B 20.0',
+    differs: true,
+  });
+  assert.deepEqual(readBack('range_m', 1, sonar, ['B']), { text: 'Reads 20.0', differs: false });
+  assert.deepEqual(readBack('pulses', 0, null, ['A']), { text: 'Not read yet', differs: false });
+  assert.equal(samplesFor(30, 20), 1500);
+  assert.ok(Number.isNaN(samplesFor(30, null)));
+});
+
+test('the outcome names each sonar, and one refusal is not called done', () => {
+  const both = outcomeText({ A: { ok: true, message: 'set' }, B: { ok: false, message: 'no answer' } });
+  assert.deepEqual(both, { ok: false, text: 'A: set. B: no answer' });
+});
+
+test('a position is only as near as the vehicle said it was', () => {
+  const track = new Track();
+  const state = { heading_deg: 0, depth_m: 1, latitude_deg: 1, longitude_deg: 2 };
+  for (const timeS of [10, 11, 12, 11.5]) track.add({ ...state, timeS });
+  assert.equal(track.states.length, 3);
+  assert.equal(track.at(10.4)?.timeS, 10);
+  assert.equal(track.at(13.9)?.timeS, 12);
+  assert.equal(track.at(14.1), null);
+  assert.equal(new Track().at(1), null);
+});
+
+test('amplitude, missing part and nothing are three different words', () => {
+  assert.equal(amplitudeText(255), '255 (100 %)');
+  assert.equal(amplitudeText('gap'), 'missing');
+  assert.equal(amplitudeText(null), '-');
+});
+
+test('the widget takes its options from the address and survives nonsense', () => {
+  const options = (/** @type {string} */ query) => widgetOptions(new URLSearchParams(query));
+  assert.deepEqual(options('channel=a&palette=viridis'), {
+    layout: 'A',
+    palette: 'viridis',
+    inverted: false,
+  });
+  assert.deepEqual(options('channel=C&palette=x&inverted=1'), {
+    layout: 'side',
+    palette: PALETTES[0].id,
+    inverted: true,
+  });
+});
