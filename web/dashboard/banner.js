@@ -27,6 +27,22 @@ export function connectionFault(silentS) {
 }
 
 /**
+ * Status comes by plain HTTP, but no socket does.
+ * @param {number | null} silentS
+ * @returns {Fault}
+ */
+export function streamFault(silentS) {
+  const since = silentS === null ? 'never came' : `stopped ${age(silentS)} ago`;
+  return {
+    id: 'stream',
+    level: 'error',
+    title: 'No live values reach this page',
+    cause: `The WebSocket is refused or closed: values ${since}. Status still comes by plain HTTP.`,
+    cure: 'It reconnects by itself. If it stays so, the proxy passes no WebSocket: update BlueOS, or map ports 8099 and 8766.',
+  };
+}
+
+/**
  * @param {Fault[] | null} faults  worst first; null while nothing is known
  * @param {any[]} [chips]  those that ask for a look without being a fault are named
  * @returns {BannerText}

@@ -6,17 +6,17 @@ import { wordsOf } from './setting_values.js';
 
 /** @type {Record<string, string>} */
 const FRAME_TYPES = {
-  1: '0x01 SENSORS',
-  2: '0x02 KOGGER_RAW_A',
-  3: '0x03 KOGGER_RAW_B',
-  4: '0x04 KOGGER_COMPRESSED',
-  5: '0x05 IMU_BURST',
-  6: '0x06 STATUS',
-  7: '0x07 COMMAND_ACK',
-  8: '0x08 ACOUSTIC_TDOA',
-  9: '0x09 ACOUSTIC_RECORD',
-  10: '0x0A ACOUSTIC_MESSAGE',
-  11: '0x0B GPS',
+  1: 'SENSORS',
+  2: 'KOGGER_RAW_A',
+  3: 'KOGGER_RAW_B',
+  4: 'KOGGER_COMPRESSED',
+  5: 'IMU_BURST',
+  6: 'STATUS',
+  7: 'COMMAND_ACK',
+  8: 'ACOUSTIC_TDOA',
+  9: 'ACOUSTIC_RECORD',
+  10: 'ACOUSTIC_MESSAGE',
+  11: 'GPS',
 };
 
 /**
@@ -27,7 +27,7 @@ const FRAME_TYPES = {
 export function counterText(key, value) {
   if (value === null || value === undefined || value === '') return UNKNOWN;
   if (typeof value === 'boolean') return value ? 'yes' : 'no';
-  if (typeof value === 'string') return value;
+  if (typeof value === 'string') return key === 'file' ? value.split('/').slice(-2).join('/') : value;
   if (Array.isArray(value))
     return value.length === 0 ? 'none' : value.map((item) => counterText('', item)).join(', ');
   if (!isKnown(value)) return typeof value === 'object' ? JSON.stringify(value) : UNKNOWN;
@@ -50,23 +50,29 @@ function labelOf(key) {
   return key.endsWith('_per_s') ? wordsOf(`${key.replace(/s?_per_s$/, '')}_rate`) : wordsOf(key);
 }
 
+/** @param {string} type  "0x04" or "4" */
+function frameLabel(type) {
+  return `${type} ${FRAME_TYPES[Number(type)] ?? 'unknown type'}`;
+}
+
 /**
  * The counters of one part as rows; objects inside are spread out.
  * @param {Record<string, any> | null | undefined} part
+ * @param {string} [prefix]
  * @returns {Array<[string, string]>}
  */
-export function counterRows(part) {
+export function counterRows(part, prefix = '') {
   /** @type {Array<[string, string]>} */
   const rows = [];
   for (const [key, value] of Object.entries(part ?? {})) {
-    if (typeof value === 'object' && value !== null && !Array.isArray(value)) {
-      for (const [name, inner] of Object.entries(value)) {
-        const label =
-          key === 'frames_by_type' ? (FRAME_TYPES[name] ?? `Type ${name}`) : `${wordsOf(key)}, ${name}`;
-        rows.push([label, counterText(name, inner)]);
-      }
+    if (key === 'frames_by_type') {
+      for (const [type, frames] of Object.entries(value ?? {}))
+        rows.push([frameLabel(type), counterText('', frames)]);
+    } else if (typeof value === 'object' && value !== null && !Array.isArray(value)) {
+      rows.push(...counterRows(value, key === 'by_message' ? '' : `${prefix}${wordsOf(key)}: `));
     } else {
-      rows.push([labelOf(key), counterText(key, value)]);
+      // A message's name is written as MAVLink writes it.
+      rows.push([`${prefix}${key === key.toUpperCase() ? key : labelOf(key)}`, counterText(key, value)]);
     }
   }
   return rows;

@@ -1,17 +1,18 @@
 // @ts-check
 // A column of water: surface on top, the vehicle in it, the deepest point of the dive marked.
 
+import { shownValue } from '../shared/display.js';
 import { Instrument } from './instrument.js';
 import { wake } from './ticker.js';
 
-const SCALES_M = [5, 10, 20, 30, 50, 100, 200, 300, 500, 1000, 5000, 11000];
+const SCALES = [5, 10, 20, 30, 50, 100, 200, 300, 500, 1000, 5000, 10000, 40000];
 
 /**
  * The smallest full scale that leaves some water below the deepest point.
- * @param {number} deepestM
+ * @param {number} deepest  in the unit shown
  */
-export function fullScaleM(deepestM) {
-  return SCALES_M.find((scale) => deepestM <= scale * 0.92) ?? SCALES_M[SCALES_M.length - 1];
+export function fullScale(deepest) {
+  return SCALES.find((scale) => deepest <= scale * 0.92) ?? SCALES[SCALES.length - 1];
 }
 
 export class DepthGauge extends Instrument {
@@ -33,12 +34,12 @@ export class DepthGauge extends Instrument {
   draw() {
     const { context: c, width: w, height: h } = this;
     const [sunken, line, dim, accent, text, water] = this.colors;
-    const scale = fullScaleM(this.deepestM);
+    const scale = fullScale(shownValue(this.deepestM, 'm'));
     const top = this.fontPx * 0.7;
     const bottom = h - this.fontPx * 0.7;
     const labels = this.fontPx * 3.3;
     const y = (/** @type {number} */ depthM) =>
-      top + (Math.max(0, Math.min(scale, depthM)) / scale) * (bottom - top);
+      top + (Math.max(0, Math.min(scale, shownValue(depthM, 'm'))) / scale) * (bottom - top);
     c.fillStyle = sunken;
     c.fillRect(labels, top, w - labels, bottom - top);
     if (this.depth.target !== null) {

@@ -5,7 +5,8 @@ import { colors, onThemeChange } from '../shared/theme.js';
 import { Follower } from './motion.js';
 import { wake } from './ticker.js';
 
-const reducedMotion = matchMedia('(prefers-reduced-motion: reduce)');
+/** @type {MediaQueryList | null} */
+let reducedMotion = null;
 
 export class Instrument {
   /**
@@ -34,6 +35,7 @@ export class Instrument {
   }
 
   get atOnce() {
+    reducedMotion ??= matchMedia('(prefers-reduced-motion: reduce)');
     return reducedMotion.matches;
   }
 

@@ -2,6 +2,7 @@
 // The live page: instruments, values, plots.
 
 import { make, setAttribute, setText } from '../shared/dom.js';
+import { shownUnit, shownValue } from '../shared/display.js';
 import { fixed, isKnown, signed } from '../shared/format.js';
 import { Attitude } from './attitude.js';
 import { Compass } from './compass.js';
@@ -80,7 +81,8 @@ export class LivePage {
     this.deepest = make('span', { class: 'number', text: '-' });
     const small = (/** @type {string} */ label, /** @type {Node[]} */ ...nodes) =>
       make('div', { class: 'cell' }, make('dt', { text: label }), make('dd', {}, ...nodes));
-    const unit = (/** @type {string} */ text) => make('span', { class: 'unit', text });
+    this.rateUnit = make('span', { class: 'unit', text: 'm/s' });
+    this.deepestUnit = make('span', { class: 'unit', text: 'm' });
     this.cards.depth.add(
       make(
         'div',
@@ -93,8 +95,8 @@ export class LivePage {
           make(
             'dl',
             {},
-            small('Rate, est.', this.rateNumber, unit('m/s'), this.rateWord),
-            small('Deepest', this.deepest, unit('m')),
+            small('Rate, est.', this.rateNumber, this.rateUnit, this.rateWord),
+            small('Deepest', this.deepest, this.deepestUnit),
           ),
         ),
       ),
@@ -109,7 +111,8 @@ export class LivePage {
     this.fix = make('span', { class: 'fix', dataset: { fix: 'unknown' }, text: 'Unknown' });
     this.cards.gps.head.insertBefore(this.fix, this.cards.gps.ageText);
     this.cards.gps.add(cellList(...gps));
-    const { table, cells } = sonarTable();
+    const { table, cells, units } = sonarTable();
+    this.sonarUnits = units;
     this.sonarCells = cells;
     this.cards.sonars.add(table);
     this.linkCells = statusCells();
@@ -151,23 +154,34 @@ export class LivePage {
     const texts = headingTexts(model.reading('heading').value);
     setText(heading.number, texts.degrees);
     setText(point, texts.point);
-    setText(depth.number, fixed(model.reading('depth').value, 2));
+    setText(depth.number, fixed(shownValue(model.reading('depth').value, 'm'), 2));
     const rate = this.rate.mps();
-    setText(rateNumber, signed(rate, 2));
+    this.showUnits();
+    setText(rateNumber, signed(shownValue(rate, 'm/s'), 2));
     setText(
       rateWord,
       rate === null || Math.abs(rate) < 0.03 ? '' : rate > 0 ? '\u25bc sinking' : '\u25b2 rising',
     );
-    setText(deepest, this.gauge && this.profile.deepest >= 0 ? fixed(this.gauge.deepestM, 2) : '-');
+    setText(
+      deepest,
+      this.gauge && this.profile.deepest >= 0 ? fixed(shownValue(this.gauge.deepestM, 'm'), 2) : '-',
+    );
     const word = fixWord(model.sensors, model.extra);
     setText(fix, word);
     setAttribute(fix, 'data-fix', word === 'No fix' ? 'none' : word.endsWith('ix') ? 'yes' : 'unknown');
   }
 
+  showUnits() {
+    if (this.depth) setText(this.depth.unit, shownUnit('m'));
+    if (this.rateUnit) setText(this.rateUnit, shownUnit('m/s'));
+    if (this.deepestUnit) setText(this.deepestUnit, shownUnit('m'));
+  }
+
   onStatus() {
     const status = this.model.status ?? {};
     LINK_ITEMS.forEach((item, i) => this.linkCells && setText(this.linkCells.numbers[i], item.text(status)));
-    SONAR_ROWS.forEach(([, , text], row) => {
+    SONAR_ROWS.forEach(([, unit, text], row) => {
+      if (this.sonarUnits) setText(this.sonarUnits[row], shownUnit(unit));
       const cells = this.sonarCells?.[row];
       if (!cells) return;
       setText(cells[0], text(status.sonars?.A ?? {}));

@@ -2,7 +2,8 @@
 // The cards of the live page, as elements; what fills them is in live.js.
 
 import { make } from '../shared/dom.js';
-import { age, bytes, compassPoint, count, fixed, geodetic, heading } from '../shared/format.js';
+import { shownValue } from '../shared/display.js';
+import { bytes, compassPoint, count, fixed, geodetic, heading } from '../shared/format.js';
 import { Card } from './card.js';
 import { ValueCell } from './value_cell.js';
 
@@ -22,8 +23,8 @@ export function instrumentCanvas(label) {
  */
 export function hero(unit) {
   const number = make('span', { class: 'number', text: '-' });
-  const root = make('p', { class: 'hero' }, number, make('span', { class: 'unit', text: unit }));
-  return { number, root };
+  const unitText = make('span', { class: 'unit', text: unit });
+  return { number, unit: unitText, root: make('p', { class: 'hero' }, number, unitText) };
 }
 
 export const SCIENCE_CELLS = () => [
@@ -69,7 +70,7 @@ export function perSecond(value) {
 export const SONAR_ROWS = [
   ['Ping rate', '/s', (s) => fixed(s.pings_per_s, 1)],
   ['Pings', '', (s) => count(s.pings)],
-  ['Range', 'm', (s) => fixed(s.range_m, 1)],
+  ['Range', 'm', (s) => fixed(shownValue(s.range_m, 'm'), 1)],
   ['Samples', '', (s) => count(s.samples)],
   ['Resolution', 'mm', (s) => fixed(s.resolution_mm, 0)],
   ['Lost', '%', (s) => fixed(s.lost_percent, 1)],
@@ -80,15 +81,10 @@ export const SONAR_ROWS = [
 
 /** The table of both sonars; `cells[row][0 for A, 1 for B]`. */
 export function sonarTable() {
+  const units = SONAR_ROWS.map(([, unit]) => make('span', { class: 'unit', text: unit }));
   const cells = SONAR_ROWS.map(() => [make('td', { text: '-' }), make('td', { text: '-' })]);
-  const rows = SONAR_ROWS.map(([label, unit], i) =>
-    make(
-      'tr',
-      {},
-      make('th', { scope: 'row' }, label, make('span', { class: 'unit', text: unit })),
-      cells[i][1],
-      cells[i][0],
-    ),
+  const rows = SONAR_ROWS.map(([label], i) =>
+    make('tr', {}, make('th', { scope: 'row' }, label, units[i]), cells[i][1], cells[i][0]),
   );
   const table = make(
     'table',
@@ -106,7 +102,7 @@ export function sonarTable() {
     ),
     make('tbody', {}, ...rows),
   );
-  return { table, cells };
+  return { table, cells, units };
 }
 
 /** The status items as cells like those of the sensors. */
@@ -147,12 +143,4 @@ export function cards() {
  */
 export function headingTexts(degrees) {
   return { degrees: heading(degrees), point: degrees === null ? '' : compassPoint(degrees) };
-}
-
-/**
- * How long the disk will last, in words.
- * @param {unknown} seconds
- */
-export function timeLeft(seconds) {
-  return age(seconds);
 }

@@ -1,12 +1,13 @@
 // @ts-check
 // The dashboard: joins the source of messages, the model and the pages. Each part is in a file of its own.
 
+import { loadDisplaySettings } from '../shared/display.js';
 import { byId, setAttribute, setText } from '../shared/dom.js';
 import { age } from '../shared/format.js';
 import { showState } from '../shared/status_icons.js';
 import { StatusStrip, unknownChips } from '../shared/status_strip.js';
 import { startTheme } from '../shared/theme.js';
-import { Banner, connectionFault } from './banner.js';
+import { Banner, connectionFault, streamFault } from './banner.js';
 import { HealthPage } from './health.js';
 import { LivePage } from './live.js';
 import { Model, STALE_S, ageS } from './model.js';
@@ -30,10 +31,14 @@ const CHIPS = /** @type {Array<[string, string]>} */ ([
 const REFRESH_MS = 250;
 /** Status comes each second: three missed are a silence. */
 const STATUS_STALE_S = STALE_S + 1.5;
+/** Before this, no word is no fault yet. */
+const FIRST_WAIT_MS = 6000;
 
 const model = new Model();
 const strip = new StatusStrip(byId('strip', HTMLElement), unknownChips(CHIPS));
 const connection = byId('connection', HTMLElement);
+const connectionIcon = byId('connection-icon', HTMLElement);
+const connectionText = byId('connection-text', HTMLElement);
 const badge = byId('source-badge', HTMLElement);
 let phase = 'connecting';
 
@@ -72,37 +77,37 @@ function onStatus() {
   refresh();
 }
 
-function showConnection(/** @type {number} */ nowMs) {
-  const heard = ageS(Math.max(model.sensorsAtMs || 0, model.statusAtMs || 0) || NaN, nowMs);
-  const lost = phase !== 'open' && (heard === null || heard > STALE_S);
-  const silent = phase === 'open' && heard !== null && heard > STATUS_STALE_S;
-  const state = lost ? 'fault' : silent ? 'warn' : heard === null ? 'unknown' : 'ok';
-  setAttribute(connection, 'data-state', state);
-  const icon = connection.querySelector('.state-icon');
-  const text = connection.querySelector('.connection-text');
-  if (icon instanceof HTMLElement) showState(icon, state);
-  const word = {
-    ok: 'Live',
-    unknown: 'Connecting',
-    warn: 'Silent',
-    fault: phase === 'connecting' ? 'Connecting' : 'Reconnecting',
-  };
-  const since = heard !== null && (lost || silent) ? ` ${age(heard)}` : '';
-  if (text) setText(text, `${word[state]}${since}`);
+/**
+ * How this page itself is served.
+ * @param {number} nowMs
+ * @returns {{state: import('../shared/status_icons.js').State, text: string, fault: import('./banner.js').Fault | null}}
+ */
+function ownState(nowMs) {
+  const sensorsS = ageS(model.sensorsAtMs, nowMs);
+  const statusS = ageS(model.statusAtMs, nowMs);
+  const since = (/** @type {number | null} */ seconds) => (seconds === null ? '' : ` ${age(seconds)}`);
+  const isHeard = statusS !== null && statusS <= STATUS_STALE_S;
+  if (phase === 'open' && isHeard) return { state: 'ok', text: 'Live', fault: null };
+  if (isHeard && phase !== 'open' && (sensorsS === null || sensorsS > STATUS_STALE_S)) {
+    return { state: 'warn', text: `Status only${since(sensorsS)}`, fault: streamFault(sensorsS) };
+  }
+  if (isHeard) return { state: 'warn', text: 'Reconnecting', fault: null };
+  if (statusS === null && nowMs < FIRST_WAIT_MS) return { state: 'unknown', text: 'Connecting', fault: null };
+  const word = phase === 'open' ? 'Silent' : 'Reconnecting';
+  return { state: 'fault', text: `${word}${since(statusS)}`, fault: connectionFault(statusS) };
 }
 
 function refresh() {
   const nowMs = performance.now();
-  const statusAge = ageS(model.statusAtMs, nowMs);
-  const isStale = statusAge === null || statusAge > STATUS_STALE_S;
-  strip.setStale(isStale && statusAge !== null);
-  showConnection(nowMs);
-  const faults = Array.isArray(model.status?.faults)
+  const own = ownState(nowMs);
+  setAttribute(connection, 'data-state', own.state);
+  showState(connectionIcon, own.state);
+  setText(connectionText, own.text);
+  strip.setStale(own.state === 'fault');
+  const reported = Array.isArray(model.status?.faults)
     ? model.status.faults.filter((fault) => fault !== null)
-    : [];
-  const neverAndLost = statusAge === null && nowMs > 5000;
-  const own = neverAndLost || (isStale && statusAge !== null) ? [connectionFault(statusAge)] : [];
-  const all = statusAge === null && !neverAndLost ? null : [...own, ...faults];
+    : null;
+  const all = own.fault ? [own.fault, ...(reported ?? [])] : reported;
   banner.show(all, Array.isArray(model.status?.chips) ? model.status.chips : []);
   health.showFaults(all);
   live.refresh(nowMs);
@@ -124,3 +129,4 @@ new Source(onMessage, (state) => {
   if (phase === 'open') health.loadEvents();
 }).start();
 void prefill(model, live);
+void loadDisplaySettings();

@@ -1,7 +1,8 @@
 // @ts-check
 // Temperature and sound speed against depth, depth pointing down, from the dive so far.
 
-import { make } from '../shared/dom.js';
+import { make, setText } from '../shared/dom.js';
+import { shownUnit, shownValue } from '../shared/display.js';
 import { colors, onThemeChange } from '../shared/theme.js';
 import { MISSING, axisColors, loadUPlot, plainMarks, plotFont, remPx } from './uplot.js';
 import { roomyRange } from './time_plots.js';
@@ -25,17 +26,20 @@ export class ProfilePlot {
   constructor(card, profile) {
     this.profile = profile;
     this.holder = make('div', { class: 'plot' });
-    const key = (/** @type {string} */ plot, /** @type {string} */ text) =>
-      make('span', {}, make('span', { class: 'swatch', dataset: { plot } }), ` ${text}`);
+    this.temperatureUnit = make('span');
+    this.soundUnit = make('span');
+    this.depthHint = make('p', { class: 'hint' });
+    const key = (/** @type {string} */ plot, /** @type {string} */ text, /** @type {Node} */ unit) =>
+      make('span', {}, make('span', { class: 'swatch', dataset: { plot } }), ` ${text} `, unit);
     card.add(
       make(
         'p',
         { class: 'profile-key' },
-        key('temperature', 'Temperature \u00b0C'),
-        key('soundSpeed', 'Sound speed m/s'),
+        key('temperature', 'Temperature', this.temperatureUnit),
+        key('soundSpeed', 'Sound speed', this.soundUnit),
       ),
       this.holder,
-      make('p', { class: 'hint', text: 'Depth in m; means by layers of 0.25 m' }),
+      this.depthHint,
     );
     this.drawnVersion = -1;
     this.drawnAtMs = -Infinity;
@@ -50,7 +54,7 @@ export class ProfilePlot {
       this.holder.append(make('p', { class: 'notice', text: MISSING }));
       return;
     }
-    this.plot = new UPlot(this.options(), this.profile.rows(), this.holder);
+    this.plot = new UPlot(this.options(), this.rows(), this.holder);
     new ResizeObserver(() => this.fit()).observe(this.holder);
     onThemeChange(() => this.plot?.redraw(false));
     this.fit();
@@ -118,6 +122,21 @@ export class ProfilePlot {
     };
   }
 
+  /** @returns {import('uplot').AlignedData} */
+  rows() {
+    const [depth, temperature, soundSpeed] = this.profile.rows();
+    const as = (/** @type {string} */ unit) => (/** @type {number | null} */ value) =>
+      shownValue(value, unit);
+    setText(this.depthHint, `Depth in ${shownUnit('m')}; means by layers of 0.25 m`);
+    setText(this.temperatureUnit, shownUnit('\u00b0C'));
+    setText(this.soundUnit, shownUnit('m/s'));
+    return [
+      depth.map((value) => shownValue(value, 'm')),
+      temperature.map(as('\u00b0C')),
+      soundSpeed.map(as('m/s')),
+    ];
+  }
+
   fit() {
     const { clientWidth, clientHeight } = this.holder;
     if (this.plot && clientWidth > 0) this.plot.setSize({ width: clientWidth, height: clientHeight });
@@ -130,6 +149,6 @@ export class ProfilePlot {
     if (this.holder.clientWidth === 0) return;
     this.drawnVersion = this.profile.version;
     this.drawnAtMs = nowMs;
-    this.plot.setData(this.profile.rows());
+    this.plot.setData(this.rows());
   }
 }

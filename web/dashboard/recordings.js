@@ -11,6 +11,14 @@ import { perSecond } from './live_layout.js';
 const RELOAD_MS = 10000;
 
 /**
+ * The session's name in the path of one of its files.
+ * @param {unknown} file
+ */
+function sessionOf(file) {
+  return /session_\d+_\d+/.exec(String(file ?? ''))?.[0] ?? '';
+}
+
+/**
  * The recorder in one sentence.
  * @param {Record<string, any> | null | undefined} recorder
  */
@@ -20,7 +28,7 @@ export function recorderSentence(recorder) {
   if (recorder.state !== 'recording') return `Not recording (${recorder.state}).`;
   const left = isKnown(recorder.seconds_left) ? `, room for ${age(recorder.seconds_left)} more` : '';
   const lost = recorder.dropped > 0 ? `, ${recorder.dropped} records LOST` : '';
-  return `Recording ${recorder.file ?? ''}: ${bytes(recorder.bytes)}, ${perSecond(recorder.bytes_per_s)}${left}${lost}.`;
+  return `Recording ${sessionOf(recorder.file)}: ${bytes(recorder.bytes)}, ${perSecond(recorder.bytes_per_s)}${left}${lost}.`;
 }
 
 export class RecordingsPage {

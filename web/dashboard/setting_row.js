@@ -34,6 +34,7 @@ export class SettingRow {
       'aria-label': `${wordsOf(setting.key)}: back to the default`,
       on: { click: () => this.toDefault() },
     });
+    this.effect = make('span', { class: 'needs-restart' });
     const limits = limitsText(setting);
     this.root = make(
       'div',
@@ -49,9 +50,7 @@ export class SettingRow {
           make('code', { text: setting.key }),
           make('span', { text: `default ${defaultText(setting)}` }),
           limits ? make('span', { text: limits }) : null,
-          setting.restart
-            ? make('span', { class: 'needs-restart', text: 'takes effect after a restart' })
-            : null,
+          this.effect,
         ),
       ),
       make(
@@ -112,6 +111,8 @@ export class SettingRow {
     const keep = !overwrite && this.isDirty;
     this.setting = setting;
     if (!keep) this.write(setting.value);
+    this.input.disabled = Boolean(setting.fixed_by);
+    setText(this.effect, effectText(setting));
     this.changed();
   }
 
@@ -137,7 +138,8 @@ export class SettingRow {
     const { error } = this.parsed;
     this.showError(error);
     this.root.classList.toggle('dirty', this.isDirty);
-    this.reset.style.visibility = sameValue(this.parsed.value, this.setting.default) ? 'hidden' : 'visible';
+    this.reset.style.visibility =
+      this.input.disabled || sameValue(this.parsed.value, this.setting.default) ? 'hidden' : 'visible';
     this.onChange();
   }
 
@@ -153,4 +155,14 @@ function sentence(text) {
   if (!text) return '';
   const first = text.charAt(0).toUpperCase() + text.slice(1);
   return /[.!?]$/.test(first) ? first : `${first}.`;
+}
+
+/**
+ * When a change would take effect, or why it cannot be made here.
+ * @param {Setting} setting
+ */
+function effectText(setting) {
+  if (setting.fixed_by) return `fixed by the ${setting.fixed_by}`;
+  if (setting.pending) return 'saved, takes effect after a restart';
+  return setting.restart ? 'takes effect after a restart' : '';
 }

@@ -1,8 +1,6 @@
 // @ts-check
 // Settings as text: names, limits, and what somebody typed turned back into a value. Pure.
 
-import { UNKNOWN } from '../shared/format.js';
-
 /**
  * @typedef {object} Setting
  * @property {string} key
@@ -15,6 +13,8 @@ import { UNKNOWN } from '../shared/format.js';
  * @property {string} [reason]
  * @property {string} [group]
  * @property {boolean} [restart]
+ * @property {boolean} [pending]  saved, waiting for a restart
+ * @property {string | null} [fixed_by]  what overrides the page, if anything does
  *
  * @typedef {'switch' | 'choice' | 'number' | 'text' | 'secret' | 'list' | 'json'} Kind
  */
@@ -32,6 +32,8 @@ const SPELLINGS = {
   mavlink: 'MAVLink',
   mavlink2rest: 'mavlink2rest',
   url: 'address',
+  min: 'least',
+  max: 'largest',
   kogger: 'Kogger',
   app: 'App',
   imu: 'IMU',
@@ -54,19 +56,17 @@ const UNIT_WORDS = new Set([
   'mps',
   'bytes',
   'percent',
-  'mb',
-  'minutes',
+  'ppm',
   'frd',
 ]);
 
 /**
- * "recording.max_file_mb" as people say it: "Max file". The unit stands elsewhere.
+ * "sonar.a_depression_deg" as people say it: "A depression". The unit stands beside the value.
  * @param {string} key
- * @param {boolean} [keepUnit]
  */
-export function wordsOf(key, keepUnit = false) {
+export function wordsOf(key) {
   const words = (key.split('.').pop() ?? key).split('_');
-  while (!keepUnit && words.length > 1 && UNIT_WORDS.has(words[words.length - 1])) words.pop();
+  while (words.length > 1 && UNIT_WORDS.has(words[words.length - 1])) words.pop();
   const text = words.map((word) => SPELLINGS[word] ?? word).join(' ');
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
@@ -170,7 +170,7 @@ export function defaultText(setting) {
   if (kindOf(setting) === 'switch') return setting.default ? 'on' : 'off';
   const text = inputText(setting.default);
   if (Array.isArray(setting.default) && text === '') return 'none';
-  return text === '' ? UNKNOWN : `${text}${setting.unit ? ` ${setting.unit}` : ''}`;
+  return text === '' ? 'empty' : `${text}${setting.unit ? ` ${setting.unit}` : ''}`;
 }
 
 /**

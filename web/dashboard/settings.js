@@ -2,6 +2,7 @@
 // The settings page, made from what the extension says its settings are. Apply is all or nothing.
 
 import { call } from '../shared/api.js';
+import { useDisplaySettings } from '../shared/display.js';
 import { make, saveBlob, setText } from '../shared/dom.js';
 import { Notice } from '../shared/notice.js';
 import { Esp32Panel } from './esp32_panel.js';
@@ -113,6 +114,7 @@ export class SettingsPage {
       Array.isArray(answer?.settings) ? answer.settings : []
     );
     setText(this.file, answer?.file ?? '');
+    useDisplaySettings(answer);
     for (const setting of settings) {
       const row = this.rows.get(setting.key);
       if (row) row.take(setting, overwrite);
@@ -207,6 +209,7 @@ export class SettingsPage {
       call('api/settings', { method: 'PATCH', body: changes }),
     );
     if (answer === null) return false;
+    useDisplaySettings(answer);
     for (const setting of answer?.settings ?? [])
       this.rows.get(setting.key)?.take(setting, Object.hasOwn(changes, setting.key));
     return true;

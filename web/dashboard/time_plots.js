@@ -2,6 +2,7 @@
 // Depth, temperature, salinity and sound speed over time: shared cursor, three windows, pause, CSV and PNG.
 
 import { make, saveBlob, setText } from '../shared/dom.js';
+import { shownUnit, shownValue } from '../shared/display.js';
 import { clockTime, dateTime, fixed } from '../shared/format.js';
 import { colors, onThemeChange } from '../shared/theme.js';
 import { csvOfSpan, fileStamp, pngOfPlots } from './plot_export.js';
@@ -113,6 +114,7 @@ export class TimePlots {
   buildRow(quantity) {
     const number = make('span', { class: 'number', text: '-' });
     const time = make('span', { class: 'at' });
+    const unit = make('span', { class: 'unit', text: quantity.unit });
     const holder = make('div', { class: 'plot' });
     this.area.append(
       make(
@@ -124,13 +126,13 @@ export class TimePlots {
           make('span', { class: 'swatch', dataset: { plot: quantity.key } }),
           make('span', { class: 'name', text: quantity.label }),
           number,
-          make('span', { class: 'unit', text: quantity.unit }),
+          unit,
           time,
         ),
         holder,
       ),
     );
-    return { holder, number, time };
+    return { holder, number, unit, time };
   }
 
   async load() {
@@ -227,11 +229,22 @@ export class TimePlots {
     const key = `${Math.floor(this.rightS / step)} ${this.windowS} ${this.history.newestS} ${this.plots.length}`;
     if (key === this.drawnKey || this.area.clientWidth === 0) return;
     this.drawnKey = key;
-    this.history.copySpan(this.rightS - this.windowS, this.rightS, this.times, this.columns);
+    this.copySpan();
     this.plots.forEach((plot, i) => {
       plot.setData(this.dataOf(i));
       if (plot.cursor.idx === null || plot.cursor.idx === undefined) this.showNewest(i);
       else this.showAtCursor(plot, i);
+    });
+  }
+
+  /** What is seen, in the units wanted. */
+  copySpan() {
+    this.history.copySpan(this.rightS - this.windowS, this.rightS, this.times, this.columns);
+    QUANTITIES.forEach(({ unit }, i) => {
+      setText(this.rows[i].unit, shownUnit(unit));
+      if (shownUnit(unit) === unit) return;
+      const column = this.columns[i];
+      for (let k = 0; k < column.length; k += 1) column[k] = shownValue(column[k], unit);
     });
   }
 
@@ -275,7 +288,8 @@ export class TimePlots {
   }
 
   saveCsv() {
-    const text = csvOfSpan(QUANTITIES, this.times, this.columns, (s) => this.model.unixAt(s * 1000));
+    const shown = QUANTITIES.map((quantity) => ({ ...quantity, unit: shownUnit(quantity.unit) }));
+    const text = csvOfSpan(shown, this.times, this.columns, (s) => this.model.unixAt(s * 1000));
     saveBlob(
       new Blob([text], { type: 'text/csv' }),
       `bluerov-slam-${fileStamp(this.model.unixAt(this.rightS * 1000))}.csv`,
@@ -284,7 +298,7 @@ export class TimePlots {
 
   async savePng() {
     const right = this.model.unixAt(this.rightS * 1000);
-    const titles = QUANTITIES.map((quantity) => `${quantity.label} (${quantity.unit})`);
+    const titles = QUANTITIES.map((quantity) => `${quantity.label} (${shownUnit(quantity.unit)})`);
     const title = `BlueROV SLAM, ${dateTime(right - this.windowS)} to ${clockTime(right)}`;
     const blob = await pngOfPlots(this.plots, titles, title);
     if (blob) saveBlob(blob, `bluerov-slam-${fileStamp(right)}.png`);

@@ -2,6 +2,7 @@
 // One value on the page: label, number, unit, and its age once it is stale. Unknown is "-" and keeps its place.
 
 import { make, setAttribute, setText } from '../shared/dom.js';
+import { shownUnit, shownValue } from '../shared/display.js';
 import { age, fixed } from '../shared/format.js';
 import { FIELD_BY_KEY } from './fields.js';
 import { STALE_S, ageS } from './model.js';
@@ -21,7 +22,7 @@ export class ValueCell {
     if (!field) throw new Error(`there is no field ${key}`);
     this.field = field;
     this.format = format ?? ((/** @type {number | null} */ value) => fixed(value, field.decimals));
-    this.ageText = make('span', { class: 'age' });
+    this.ageText = make('span', { class: 'age', title: 'since it was last known' });
     this.number = make('span', { class: 'number', text: '-' });
     this.unit = make('span', { class: 'unit', text: field.unit });
     this.root = make(
@@ -38,11 +39,16 @@ export class ValueCell {
    */
   update(model, nowMs) {
     const reading = model.reading(this.field.key);
-    setText(this.number, this.format(reading.value));
+    setText(this.number, this.format(shownValue(reading.value, this.field.unit)));
+    setText(this.unit, shownUnit(this.field.unit));
     const seconds = ageS(reading.atMs, nowMs);
     const stale = seconds !== null && seconds > STALE_S;
     setText(this.ageText, stale ? age(seconds) : '');
-    setAttribute(this.root, 'class', stale ? 'cell stale' : 'cell');
+    setAttribute(
+      this.root,
+      'class',
+      stale ? (reading.value === null ? 'cell unknown' : 'cell stale') : 'cell',
+    );
   }
 }
 

@@ -1,6 +1,7 @@
 // @ts-check
 // The Cockpit widget: one panel of the dashboard, chosen by ?panel=attitude|depth|ctd|link, themed by ?theme=.
 
+import { loadDisplaySettings, shownUnit, shownValue } from '../shared/display.js';
 import { byId, make, setAttribute, setText } from '../shared/dom.js';
 import { fixed, heading, signed } from '../shared/format.js';
 import { STATE_WORDS, asState, showState, stateIcon } from '../shared/status_icons.js';
@@ -58,8 +59,9 @@ function depthPanel() {
       const depth = model.reading('depth').value;
       rate.add(model.sensors?.ts, depth);
       gauge.show(depth);
-      setText(number.number, fixed(depth, 2));
-      setText(rateText, `Rate, est. ${signed(rate.mps(), 2)} m/s`);
+      setText(number.number, fixed(shownValue(depth, 'm'), 2));
+      setText(number.unit, shownUnit('m'));
+      setText(rateText, `Rate, est. ${signed(shownValue(rate.mps(), 'm/s'), 2)} ${shownUnit('m/s')}`);
     },
     knownAtMs: (model) => model.reading('depth').atMs,
   };
@@ -140,3 +142,4 @@ new Source(
   () => {},
 ).start();
 setInterval(refresh, 250);
+void loadDisplaySettings();

@@ -7,6 +7,8 @@
 const STORED_AS = 'bluerov-slam.theme';
 /** @type {Set<(theme: Theme) => void>} */
 const listeners = new Set();
+/** @type {Theme | null} what the settings want */
+let fallback = null;
 
 /**
  * @param {string | null} wanted  from the address
@@ -39,6 +41,16 @@ function apply(theme) {
   if (currentTheme() === theme && document.documentElement.dataset.theme) return;
   document.documentElement.dataset.theme = theme;
   for (const listener of listeners) listener(theme);
+}
+
+/**
+ * What the settings want on all pages, where neither the address nor the switch of this browser says otherwise.
+ * @param {unknown} theme  'light' or 'dark'; anything else follows the system
+ */
+export function setDefaultTheme(theme) {
+  const system = matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark';
+  fallback = theme === 'light' || theme === 'dark' ? theme : null;
+  if (preference() === 'auto') apply(fallback ?? system);
 }
 
 /** @param {Theme} theme */
@@ -75,7 +87,7 @@ export function colors(...names) {
 export function startTheme(button) {
   const light = matchMedia('(prefers-color-scheme: light)');
   light.addEventListener('change', () => {
-    if (preference() === 'auto') apply(light.matches ? 'light' : 'dark');
+    if (preference() === 'auto' && !fallback) apply(light.matches ? 'light' : 'dark');
   });
   if (!button) return;
   const label = () => {
