@@ -370,3 +370,40 @@ def test_an_hour_of_flushes_costs_little_memory(tmp_path, clock):
     log.finish()
     assert grown / 1400 < 300, "bytes per flush"
     assert len(messages(tmp_path / "link.mcap", "/link/raw")) == 1500
+
+
+def test_switching_off_on_a_full_disk_counts_what_is_lost_and_the_rest_is_repaired_later(tmp_path, clock, full_disk):
+    target = recorder(tmp_path, clock)
+    blocks = feed(target, clock, 2.0)
+    full_disk.error = errno.ENOSPC
+    feed(target, clock, 1.0)
+    target.request_stop()
+    clock.advance(3.0)
+    target.cycle()
+    assert target.facts().state is RecorderState.OFF
+    assert target.facts().dropped > 0
+    full_disk.error = None
+    later = FakeClocks(mono_ns=100_000_000_000)
+    target.finish()
+    second = recorder(tmp_path, later)
+    feed(second, later, 1.0)
+    second.finish()
+    parts = sorted(min(tmp_path.glob("session_*")).glob("link_*.mcap"))
+    assert all(is_complete(part) for part in parts)
+    assert [publish / 1e9 for publish, _, _ in raw_messages(parts)] == [
+        b.arrived_s for b in blocks[: len(raw_messages(parts))]
+    ]
+    assert len(raw_messages(parts)) >= 16
+
+
+def test_a_sample_without_a_line_costs_no_raw_byte(tmp_path, clock, monkeypatch):
+    def broken(*_: object) -> None:
+        raise ValueError("a sample nobody foresaw")
+
+    monkeypatch.setattr("bluerov_slam.sinks.jsonl_log.sensor_json", broken)
+    target = recorder(tmp_path, clock)
+    blocks = feed(target, clock, 3.0)
+    assert target.facts().state is RecorderState.RECORDING
+    target.finish()
+    (path,) = only_session(tmp_path).glob("link_*.mcap")
+    assert len(messages(path, "/link/raw")) == len(blocks)

@@ -88,3 +88,7 @@ class JsonlLog:
             self.flush()
         finally:
             self._file.close()
+
+    def abandon(self) -> None:
+        """Close without what the disk did not take."""
+        self._file.close()

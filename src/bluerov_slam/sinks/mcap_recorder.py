@@ -246,6 +246,7 @@ class Recorder:
         if self._lock_descriptor >= 0:
             os.close(self._lock_descriptor)
             self._lock_descriptor = -1
+        self._recovered = False
 
     def _run(self) -> None:
         while not self._stopping:
@@ -276,7 +277,7 @@ class Recorder:
             return
         self._check_disk(now_ns)
         self._take_folder()
-        if self._session is None and self._frame_seen and self._queue:
+        if self._session is None and self._frame_seen:
             self._open_session(now_ns)
         session = self._session
         if session is None:
@@ -309,7 +310,11 @@ class Recorder:
         self._recovered = True
 
     def _open_session(self, now_ns: int) -> None:
-        first_ns = min(now_ns, _first_stamp_ns(self._queue[0]) or now_ns)
+        try:
+            first = self._queue[0]
+        except IndexError:
+            return
+        first_ns = min(now_ns, round(first.arrived_s * 1e9)) if isinstance(first, records.LinkBytes) else now_ns
         wall_ns = self._clocks.wall_ns()
         metadata = {
             "bluerov_slam_version": __version__,
@@ -339,8 +344,10 @@ class Recorder:
             session.close()
         except OSError as error:
             self._dropped += session.waiting
+            session.release()
             self._tell(records.EventLevel.ERROR, describe_os_error(error, self.folder))
         self._session = None
+        self._rate.clear()
         self._tell(records.EventLevel.INFO, f"recording {session.name} ended, {session.size} bytes")
 
     def _queue_is_stale(self) -> None:
@@ -433,10 +440,6 @@ def _cost(record: records.Record) -> int:
     if isinstance(record, records.Ping):
         return len(record.samples) + _RECORD_BYTES
     return _RECORD_BYTES
-
-
-def _first_stamp_ns(record: records.Record) -> int | None:
-    return round(record.arrived_s * 1e9) if isinstance(record, records.LinkBytes) else None
 
 
 def _lock(folder: Path) -> int:

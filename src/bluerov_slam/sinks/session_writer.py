@@ -54,6 +54,7 @@ class SessionWriter:
         self._mcap: McapLog | None = None
         self._jsonl: JsonlLog | None = None
         self._lines = SensorLines(self.wall_offset_ns)
+        self._lines_failed = 0
         self._unflushed: list[records.Record] = []
         self._cut: list[Path] = []
         self._gps_offsets_s: deque[float] = deque(maxlen=_GPS_FIXES_KEPT)
@@ -78,11 +79,20 @@ class SessionWriter:
         if self._mcap is not None:
             self._last_ns = max(self._last_ns, _write_mcap(self._mcap, record))
         if isinstance(record, records.SensorSample | records.CtdSample) and self._jsonl is not None:
-            self._jsonl.write(self._lines.feed(record))
+            self._write_line(self._jsonl, record)
         elif isinstance(record, records.Ping):
             self.pings[record.channel] += 1
         elif isinstance(record, records.GpsFix):
             self._note_gps(record)
+
+    def release(self) -> None:
+        """Let go of every file as it is; the next start repairs them."""
+        if self._mcap is not None:
+            self._mcap.abandon()
+            self._mcap = None
+        if self._jsonl is not None:
+            self._jsonl.abandon()
+            self._jsonl = None
 
     @property
     def waiting(self) -> int:
@@ -171,6 +181,15 @@ class SessionWriter:
             jsonl.close()
         self._repair_cut_parts()
         self.save(closed=not self._cut)
+
+    def _write_line(self, jsonl: JsonlLog, record: records.SensorSample | records.CtdSample) -> None:
+        try:
+            jsonl.write(self._lines.feed(record))
+        except (TypeError, ValueError, ArithmeticError, LookupError):
+            # Never at the cost of the raw bytes, from which it can be made again.
+            self._lines_failed += 1
+            if self._lines_failed == 1:
+                _log.exception("a sensor sample has no line in the text log; the raw bytes are recorded")
 
     def _open_mcap(self) -> McapLog:
         path = self.folder / f"link_{self._part:03d}.mcap"
