@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from bluerov_slam.protocol.kogger_frame import ChecksumChoice
     from bluerov_slam.records import Channel, Record
 
-# A host that hiccups in the middle of a ping finds the rest of it in the kernel: only after this does it count as lost.
-_HOST_PAUSE_S = 0.5
 _CODING_NAMES = {Coding.MEAN: "mean", Coding.PEAK: "peak"}
 
 
@@ -92,7 +90,7 @@ class SonarChannel:
 
     def expire(self, now_s: float, records: list[Record]) -> None:
         """Append the pings whose end is overdue."""
-        self._keep(self._assembler.flush(now_s - _HOST_PAUSE_S), records)
+        self._keep(self._assembler.flush(now_s), records)
 
     def finish(self, records: list[Record]) -> None:
         """Append the open ping: the stream has ended."""
