@@ -407,3 +407,26 @@ def test_a_sample_without_a_line_costs_no_raw_byte(tmp_path, clock, monkeypatch)
     target.finish()
     (path,) = only_session(tmp_path).glob("link_*.mcap")
     assert len(messages(path, "/link/raw")) == len(blocks)
+
+
+def test_when_much_waits_decoded_pings_give_way_to_raw_bytes(tmp_path, clock, full_disk):
+    told: list[str] = []
+    limits = RecordingLimits(min_free_bytes=0, queue_bytes=60_000)
+    target = recorder(tmp_path, clock, limits, on_event=lambda level, text: told.append(text))
+    blocks = feed(target, clock, 1.0)
+    full_disk.error = errno.ENOSPC
+    for _ in range(100):
+        clock.advance(0.01)
+        blocks.append(LinkBytes(b"block", clock.now_s))
+        target.observe(blocks[-1])
+        target.observe(ping(Channel.A, clock.now_s))
+        target.cycle()
+    full_disk.error = None
+    blocks += feed(target, clock, 5.0)
+    target.finish()
+    parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
+    assert [publish / 1e9 for publish, _, _ in raw_messages(parts)] == [b.arrived_s for b in blocks]
+    assert target.facts().dropped == 0
+    pings = sum(len(messages(part, topic)) for part in parts for topic in ("/ping/a", "/ping/b"))
+    assert 12 < pings < 112
+    assert any(f"{112 - pings} decoded pings and IMU bursts were left out" in text for text in told)

@@ -54,6 +54,8 @@ _VALID_FRAME = (
     records.CommandAck,
     records.SonarFrames,
 )
+# The bulk of what is decoded: left out first when the disk does not keep up, because the raw bytes hold it too.
+_BULK = (records.Ping, records.ImuBurst)
 # Rebuilt from the raw bytes, or of no use later.
 _NOT_RECORDED = (records.SonarFrames, records.UnknownFrame)
 
@@ -119,6 +121,7 @@ class Recorder:
         self._bytes_out = 0
         self._bytes_dropped = 0
         self._dropped = 0
+        self._left_out = 0
         self._armed = enabled
         self._frame_seen = False
         self._wake = threading.Event()
@@ -149,6 +152,9 @@ class Recorder:
         if isinstance(record, _VALID_FRAME):
             self._frame_seen = True
         if not self._armed or isinstance(record, _NOT_RECORDED):
+            return
+        if isinstance(record, _BULK) and self._bytes_waiting() > self.limits.queue_bytes // 2:
+            self._left_out += 1
             return
         self._queue.append(record)
         self._bytes_in += _cost(record)
@@ -369,8 +375,10 @@ class Recorder:
         self._retry_at_ns = 0
         if self._error is not None:
             self._error = None
+            left_out, self._left_out = self._left_out, 0
+            note = f"; {left_out} decoded pings and IMU bursts were left out, the raw bytes hold them"
             if self._armed:
-                self._tell(records.EventLevel.INFO, "recording works again")
+                self._tell(records.EventLevel.INFO, "recording works again" + (note if left_out else ""))
 
     def _note_wall_clock(self, session: SessionWriter, now_ns: int) -> None:
         offset_ns = self._clocks.wall_ns() - now_ns
@@ -393,7 +401,7 @@ class Recorder:
             self._tell(records.EventLevel.ERROR, text)
 
     def _make_room(self, limit: int, counted: bool) -> None:
-        while self._bytes_in - self._bytes_out - self._bytes_dropped > limit:
+        while self._bytes_waiting() > limit:
             try:
                 oldest = self._queue.popleft()
             except IndexError:  # the thread took it meanwhile
@@ -401,6 +409,9 @@ class Recorder:
             self._bytes_dropped += _cost(oldest)
             if counted:
                 self._dropped += 1
+
+    def _bytes_waiting(self) -> int:
+        return self._bytes_in - self._bytes_out - self._bytes_dropped
 
     def _request(self) -> None:
         with self._settled:
