@@ -208,6 +208,14 @@ def test_sonar_data_of_an_unknown_layout() -> None:
     assert bench.chip("sonar_a").text == "Unknown data layout"
 
 
+def test_a_damaged_frame_that_passes_its_check_is_no_unknown_layout() -> None:
+    bench = Bench()
+    unknown = encode_frame(MessageType.KOGGER_COMPRESSED, b"\7 not ours")
+    bench.run(6, lambda k: healthy(k) + (unknown if k % 4 == 0 else b""))
+    assert bench.decoder.counters.unknown_layouts == 3
+    assert bench.fault("unknown_layout") is None
+
+
 def test_pings_with_gaps() -> None:
     bench = Bench()
 

@@ -258,7 +258,7 @@ def system_faults(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Ite
             "depth are shown only where they can be believed. There is no raw IMU, no GPS fix, no sonar settings.",
             _FLASH_CURE,
         )
-    if memory.unknown_layouts.increase:
+    if memory.layout_is_unknown:
         version = "unknown" if memory.status is None else ".".join(map(str, memory.status.firmware_version))
         yield Fault(
             "unknown_layout",

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 WINDOW_S = 10.0
 RESTART_SHOWN_S = 60.0
 COMMAND_ERROR_SHOWN_S = 60.0
+# A damaged frame passes the link's 8-bit check once in 256 times, and then looks like one in an unknown layout.
+UNKNOWN_LAYOUTS_SHOWN = 3
 
 
 class RecentIncrease:
@@ -123,6 +125,12 @@ class HealthMemory:
             self.ping_rate[channel].observe(sonar.pings, now_s)
             self.pings_incomplete[channel].observe(sonar.pings_incomplete, now_s)
             self.sonar_errors[channel].observe(sonar.checksum_errors, now_s)
+
+    @property
+    def layout_is_unknown(self) -> bool:
+        """Whether sonar data in an unknown layout is the rule, and not a damaged frame now and then."""
+        pings = sum(rate.increase for rate in self.ping_rate.values())
+        return self.unknown_layouts.increase >= max(UNKNOWN_LAYOUTS_SHOWN, pings)
 
     def restarted_ago_s(self, now_s: float) -> float | None:
         """Seconds since the board started again, None if that is long ago or never happened."""

@@ -71,7 +71,7 @@ def _silent_sonar(channel: Channel, now_s: float, memory: HealthMemory, age_s: f
             f"Check its 12 V, the pins {_PINS[channel]} and that RX and TX are crossed.",
             age_s=age_s,
         )
-    if memory.unknown_layouts.increase:
+    if memory.layout_is_unknown:
         return wrong(
             f"{name}_layout",
             "Unknown data layout",
