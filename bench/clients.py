@@ -56,9 +56,8 @@ async def run(sensors_url: str, pings_url: str, count: int, seconds: float) -> d
     """Connect `count` clients to each page (none to a page without address), collect for this long."""
     clients = Clients()
     async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
-        dashboards = count if sensors_url else 0
-        tasks = [asyncio.create_task(clients.dashboard(session, sensors_url)) for _ in range(dashboards)]
-        tasks += [asyncio.create_task(clients.viewer(session, pings_url)) for _ in range(count)]
+        tasks = [asyncio.create_task(clients.dashboard(session, sensors_url)) for _ in range(count) if sensors_url]
+        tasks += [asyncio.create_task(clients.viewer(session, pings_url)) for _ in range(count) if pings_url]
         while clients.ready < len(tasks):
             await asyncio.sleep(0.05)
         print("ready", file=sys.stderr, flush=True)

@@ -89,8 +89,8 @@ def _decode(blocks: list[tuple[bytes, float]]) -> tuple[float, int, int]:
     return time.process_time() - start, pings, frames
 
 
-def _decode_bytewise(blocks: list[tuple[bytes, float]]) -> tuple[float, int, int]:
-    parser = BytewiseLinkParser()
+def _decode_bytewise(blocks: list[tuple[bytes, float]], *, reparse: bool = True) -> tuple[float, int, int]:
+    parser = BytewiseLinkParser(reparse=reparse)
     start = time.process_time()
     for data, _ in blocks:
         parser.feed(data)
@@ -108,13 +108,16 @@ def rows() -> list[dict[str, object]]:
     if fast[0][1:] != plain[0][1:]:
         raise AssertionError(f"the decoders disagree: {fast[0][1:]} against {plain[0][1:]} pings and frames")
     fast_s, plain_s = min(run[0] for run in fast), min(run[0] for run in plain)
+    lean_s = min(_decode_bytewise(blocks, reparse=False)[0] for _ in range(ROUNDS))
     return [
-        _row("decode_realtime_ratio", "Decoding, times real time", link_s / fast_s, 200),
-        _row("decode_vs_bytewise", "Decoding, times a byte-wise parser", plain_s / fast_s, 5),
-    ]
+        _row("decode_realtime_ratio", "Decoding, times real time", link_s / fast_s, 200,
+             f"byte-wise parser {link_s / plain_s:.0f} x"),
+        _row("decode_vs_bytewise", "Decoding, times a byte-wise parser of the original's two stages",
+             plain_s / fast_s, 5, f"{lean_s / fast_s:.1f} x one that trusts the frames it rebuilt"),
+    ]  # fmt: skip
 
 
-def _row(row_id: str, name: str, value: float, least: float) -> dict[str, object]:
+def _row(row_id: str, name: str, value: float, least: float, reference: str) -> dict[str, object]:
     return {
         "id": row_id,
         "name": name,
@@ -122,6 +125,7 @@ def _row(row_id: str, name: str, value: float, least: float) -> dict[str, object
         "unit": "x",
         "must": f">= {least:g}",
         "met": value >= least,
+        "reference": reference,
     }
 
 
