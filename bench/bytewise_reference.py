@@ -1,8 +1,8 @@
 """The plain way to decode the link: one byte at a time, no arrays. What the fast decoder is compared with.
 
 It follows the original description stage by stage: an AA55 state machine, 0x04 expanded to BB55 frames with their
-checks, a BB55 state machine that verifies them, chunks placed in a fill buffer, whole pings out. Written for clearness;
-no work is done twice within a stage. The fast decoder needs no second parse of frames it has just built: `reparse=False`
+checks, a BB55 state machine that verifies them, chunks placed in a fill buffer, whole pings out. Plainly written; no
+work is done twice within a stage. The fast decoder needs no second parse of frames it has just built; `reparse=False`
 leaves that stage out here too, and the table gives both ratios.
 """
 
