@@ -46,8 +46,8 @@ logger = logging.getLogger(__name__)
 
 # One question each, round and round: about 10 bytes a second up and 20 down.
 REFRESH_PAUSE_S = 2.0
-# After so many rounds of questions, 20 s each, a sonar that does not answer or is not marked is tried again.
-SYNCHRONISE_ROUNDS = 2
+# A sonar that was told to restart is asked again after this; one that is not back yet, a round of questions later.
+RESTART_S = 3.0
 DISTANCE_SETUP_VERSIONS = (1, 2)
 VERSION_VERSIONS = (0, 1, 2)
 # KoggerApp asks all of these once it knows the device: (id, version, payload).
@@ -89,6 +89,7 @@ class _Sonar:
     batch: asyncio.Task[Outcome] | None = None
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     unanswered: set[tuple[int, int]] = field(default_factory=set)
+    synchronise_wanted: bool = False
 
 
 class CommandForwarder:
@@ -167,17 +168,15 @@ class CommandForwarder:
     async def keep_fresh(self, channel: Channel, link_up: Callable[[], bool]) -> None:
         """Re-read one thing after the other at a low rate, mark the sonar when it is not; until cancelled."""
         sonar = self._sonars[channel]
-        rounds = 0
         while True:
             for frame_id, version, payload in REFRESH_ROUND:
                 await self._sleep(REFRESH_PAUSE_S)
                 if link_up() and sonar.session.alive and (frame_id, version) not in sonar.unanswered:
                     await self._refresh(sonar, frame_id, version, payload)
-            rounds += 1
-            # A sonar that is silent, was never read or shows no MARK is tried again, but old firmware relays nothing
-            # and some never show the MARK: seldom is often enough.
+            # A sonar that is silent, was never read or shows no MARK is tried again, once a round: old firmware relays
+            # nothing, and some may never show the MARK.
             lost = sonar.session.marked is False or not settings_of(sonar.session).is_timing_known
-            if link_up() and lost and rounds % SYNCHRONISE_ROUNDS == 0:
+            if link_up() and lost:
                 await self.synchronise(channel)
 
     def setting_changed_elsewhere(self, channel: Channel, frame_id: int) -> None:
@@ -207,11 +206,21 @@ class CommandForwarder:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _begin_synchronising(self, channel: Channel) -> None:
+    def _begin_synchronising(self, channel: Channel, delay_s: float = 0.0) -> None:
+        sonar = self._sonars[channel]
+        sonar.synchronise_wanted = True
         running = self._synchronising.get(channel)
         if running is None or running.done():
-            task = asyncio.create_task(self.synchronise(channel), name=f"sonar-{channel}-synchronise")
+            task = asyncio.create_task(self._synchronise_while_wanted(channel, delay_s))
             self._synchronising[channel] = task
+
+    async def _synchronise_while_wanted(self, channel: Channel, delay_s: float) -> None:
+        sonar = self._sonars[channel]
+        if delay_s:
+            await self._sleep(delay_s)
+        while sonar.synchronise_wanted:
+            sonar.synchronise_wanted = False
+            await self.synchronise(channel)
 
     def _state(self, sonar: _Sonar) -> dict[str, Any]:
         return {
@@ -283,6 +292,8 @@ class CommandForwarder:
         }
         code = await session.set(frames[action])
         session.forget(KoggerId.DATASET)
+        if action == "reboot":
+            self._begin_synchronising(session.channel, RESTART_S)
         if code is None and action != "reboot":
             raise CommandError(f"sonar {session.channel} did not confirm: {action} may not have been carried out")
         if code is not None and code != ResultCode.OK:
@@ -302,16 +313,16 @@ class CommandForwarder:
 def settings_of(session: SonarSession) -> SonarSettings:
     """The sonar's settings as last read."""
     chart = session.answers(KoggerId.CHART_SETUP)
-    datasets = [Dataset.parse(answer.frame) for answer in session.answers(KoggerId.DATASET)]
+    datasets = [(Dataset.parse(answer.frame), answer.at_s) for answer in session.answers(KoggerId.DATASET)]
+    # The slot that carries the echograms is the one whose period matters; of two answers the later one.
+    known = [(dataset, at_s) for dataset, at_s in datasets if dataset is not None]
+    latest = max(known, key=lambda told: (bool(told[0].mask & DatasetMask.CHART), told[1]), default=(None, 0.0))
     transceiver = session.answers(KoggerId.TRANSCEIVER)
     speed = session.answers(KoggerId.SOUND_SPEED)
     dsp = session.answers(KoggerId.DSP)
     return SonarSettings(
         chart=ChartSetup.parse(chart[0].frame) if chart else None,
-        # The slot that carries the echograms is the one whose period matters.
-        dataset=max(
-            (d for d in datasets if d), key=lambda d: (bool(d.mask & DatasetMask.CHART), d.period_ms), default=None
-        ),
+        dataset=latest[0],
         transceiver=Transceiver.parse(transceiver[0].frame) if transceiver else None,
         sound_speed=SoundSpeed.parse(speed[0].frame) if speed else None,
         dsp=Dsp.parse(dsp[0].frame) if dsp else None,

@@ -38,6 +38,8 @@ MAXIMUM_DATA_DATAGRAM_BYTES = 1400
 PEER_FRAMES_PER_S = 100.0
 PEER_BURST_FRAMES = 200.0
 LIMITED_HOSTS = 64
+# Where the extension sends what the viewer gets; another program there cannot have that copy.
+VIEWER_ADDRESS = "127.0.0.1"
 # The address 0 is "whoever you are": answered once in a while, as the address we give the sonar.
 BROADCAST_ROUTE = 0
 BROADCAST_ANSWER_INTERVAL_S = 1.0
@@ -143,6 +145,8 @@ class KoggerGateway:
 
     def share(self, frames: Sequence[KoggerFrame]) -> None:
         """Send the sonar's frames to the peers that the extension does not feed."""
+        # Results answer what the viewer sent down; a peer gets the result of its own command from here, readdressed.
+        frames = [frame for frame in frames if not frame.response]
         if not self._peers or not frames:
             return
         now_s = self._now_s()
@@ -219,11 +223,8 @@ class KoggerGateway:
             logger.info("sonar %s: %s:%d no longer polls", self.channel, *address)
 
     def _is_fed(self, address: Address) -> bool:
-        """The extension already sends to this peer. On this computer it is told by its port: the viewer is fed too."""
-        host, port = address
-        if f"{host}:{port}" in self.fed:
-            return True
-        return host in self.fed and not ipaddress.ip_address(host).is_loopback
+        """The extension already sends to this peer. At the viewer's own address its copy ends at the viewer."""
+        return address[0] in self.fed and address[0] != VIEWER_ADDRESS
 
     def _getting(self, frame: KoggerFrame, peer: _Peer, now_s: float) -> None:
         if frame.frame_id == KoggerId.MARK:

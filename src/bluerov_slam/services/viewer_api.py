@@ -31,7 +31,7 @@ PAGE = ServicePage(
         {
             "name": "Side-scan sonar",
             "iframeUrl": "/widget",
-            "iconUrl": "/static/shared/icon.svg",
+            "iconUrl": "/static/viewer/icon.svg",
             "version": __version__,
             "useExtensionPathAsBaseUrl": True,
         },

@@ -173,13 +173,14 @@ class ViewerChannel:
         self.counters.frames += len(frames)
         for frame in frames:
             if frame.frame_type == FrameType.CONTENT:
+                self._note_mark(frame)
                 self._show(self._assembler.feed(frame, now_s, now_s))
-        if not frames:
-            return
-        # The frames of one datagram belong together: the last one tells the MARK.
-        if self.session.heard(frames[-1].mark):
-            self.on_restart()
         self.gateway.share(frames)
+
+    def _note_mark(self, frame: KoggerFrame) -> None:
+        """Only charts tell: answers overtake them on the way, so that both together look like a restart."""
+        if frame.frame_id == KoggerId.CHART and self.session.heard(frame.mark):
+            self.on_restart()
 
     def _show(self, pings: list[Ping]) -> None:
         for ping in pings:

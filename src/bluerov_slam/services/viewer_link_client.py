@@ -166,7 +166,9 @@ class ViewerLinkClient:
         self._waiting[number] = answer
         try:
             await socket.send_str(orjson.dumps({**message, "id": number}).decode())
-            return await asyncio.wait_for(answer, ANSWER_TIMEOUT_S)
+            # Not wait_for: in Python 3.11 it swallows a cancellation that meets the answer.
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                return await answer
         except TimeoutError:
             return {"result": "timeout", "ok": False, "message": "the extension did not answer in time"}
         except (ConnectionError, aiohttp.ClientError):
