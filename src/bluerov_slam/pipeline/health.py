@@ -5,6 +5,7 @@ Pure: records and facts in, texts out. The services fill the facts; the pages sh
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -76,7 +77,12 @@ class HealthMonitor:
         memory = self._memory
         memory.take(now_s, facts)
         findings = [(chip_id, label, check(now_s, memory, facts)) for chip_id, label, check in _CHECKS]
-        faults = [finding.fault for _, _, finding in findings if finding.fault is not None]
+        # A fault is also told where no chip stands beside it: as an event, in QGroundControl.
+        faults = [
+            replace(finding.fault, title=f"{label}: {finding.fault.title}")
+            for _, label, finding in findings
+            if finding.fault is not None
+        ]
         faults += system_faults(now_s, memory, facts)
         faults.sort(key=lambda fault: _WORST_FIRST.index(fault.level))
         return Health(tuple(_chip(*found) for found in findings), tuple(faults))

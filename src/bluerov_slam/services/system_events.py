@@ -57,8 +57,7 @@ class SystemEvents:
 
     def take_health(self, health: Health) -> None:
         """Say what is wrong now and was not, and what is right again."""
-        labels = {chip.cause: f"{chip.label}: " for chip in health.chips if chip.cause}
-        titles = {fault.id: f"{labels.get(fault.cause, '')}{fault.title}" for fault in health.faults}
+        titles = {fault.id: fault.title for fault in health.faults}
         if titles.keys() == self._titles.keys():
             return
         known, self._titles = self._titles, titles
