@@ -1,15 +1,16 @@
 // @ts-check
 /**
- * The same picture by Canvas 2D for machines without WebGL2: when only time has moved, the old picture is shifted and
- * only the new rows are painted.
+ * The same picture by Canvas 2D for machines without WebGL2: the old picture is shifted and only changed rows are
+ * painted. A row that holds several pings shows the newest of them.
  */
+
+import { TVG_BINS, displayLevel } from './gain.js';
+import { HATCH_PX, PictureChanges } from './picture_changes.js';
+import { LOST } from './row_table.js';
 
 /** @typedef {import('./ping_ring.js').PingRing} PingRing */
 /** @typedef {import('./ranging.js').Pane} Pane */
 /** @typedef {import('./picture_state.js').PictureState} PictureState */
-
-import { TVG_BINS, displayLevel } from './gain.js';
-import { LOST, NOTHING } from './row_table.js';
 
 export class CanvasPicture {
   /**
@@ -24,105 +25,106 @@ export class CanvasPicture {
     this.capacity = rings[0].capacity;
     this.palette = new Uint32Array(256);
     this.tvg = [new Float32Array(TVG_BINS).fill(1), new Float32Array(TVG_BINS).fill(1)];
-    /** Amplitude and gain bin to colour are too many to tabulate; amplitude x 64 steps of gain is not. */
     this.line = new ImageData(1, 1);
     this.pixels = new Uint32Array(this.line.data.buffer);
-    /** @type {Int16Array[]} */
-    this.shown = [new Int16Array(0), new Int16Array(0)];
-    this.changed = true;
-    this.key = '';
+    this.changes = new PictureChanges();
+    this.shownSize = '';
   }
 
   /** @param {Uint8Array} table 256 x RGBA */
   setPalette(table) {
     this.palette.set(new Uint32Array(table.slice().buffer));
-    this.changed = true;
+    this.changes.everything();
   }
 
   /** @param {number} channel @param {Float32Array} table */
   setTvg(channel, table) {
     this.tvg[channel].set(table);
-    this.changed = true;
+    this.changes.everything();
   }
 
   /**
    * @param {Pane[]} panes
    * @param {Int16Array[]} rowTables by channel
+   * @param {number} topRow on the time grid
    * @param {PictureState} state
    */
-  draw(panes, rowTables, state) {
-    const key = JSON.stringify([panes, state, this.canvas.width, this.canvas.height]);
-    const everything = this.changed || key !== this.key;
-    this.changed = false;
-    this.key = key;
+  draw(panes, rowTables, topRow, state) {
+    const size = `${this.canvas.width}x${this.canvas.height}`;
+    if (size !== this.shownSize) this.changes.everything();
+    this.shownSize = size;
+    this.changes.begin(panes, state, this.rings);
+    this.nothing = packed(state.nothingRgb);
+    this.hatch = packed(state.hatchRgb);
+    this.hatchPeriod = Math.max(4, Math.round(HATCH_PX * state.dpr));
+    const moved = topRow - this.changes.topRow;
     for (const pane of panes) {
       const channel = pane.channel === 'A' ? 0 : 1;
-      const table = rowTables[channel];
-      const moved = everything ? 0 : shiftBetween(this.shown[channel], table, pane.height);
-      if (moved > 0) this.shift(pane, moved);
-      this.paintRows(pane, table, this.shown[channel], everything, moved, state);
-      if (this.shown[channel].length !== table.length) this.shown[channel] = new Int16Array(table.length);
-      this.shown[channel].set(table);
+      if (!this.changes.whole && moved !== 0 && Math.abs(moved) < pane.height) this.shift(pane, moved);
+      this.fitLine(pane.width);
+      this.changes.each(channel, rowTables[channel], topRow, pane.height, (from, to) => {
+        for (let row = from; row < to; row++) {
+          this.paintRow(pane, rowTables[channel], row, topRow, state);
+          this.context.putImageData(this.line, pane.x, pane.y + row);
+        }
+      });
     }
+    this.changes.end(rowTables, topRow);
   }
 
-  /** @param {Pane} pane @param {number} rows */
+  /** @param {Pane} pane @param {number} rows positive: down */
   shift(pane, rows) {
-    const { x, y, width, height } = pane;
-    this.context.drawImage(this.canvas, x, y, width, height - rows, x, y + rows, width, height - rows);
+    const { x, y, width } = pane;
+    const kept = pane.height - Math.abs(rows);
+    const from = y + Math.max(0, -rows);
+    this.context.drawImage(this.canvas, x, from, width, kept, x, y + Math.max(0, rows), width, kept);
+  }
+
+  /** @param {number} width */
+  fitLine(width) {
+    if (this.line.width === width) return;
+    this.line = new ImageData(width, 1);
+    this.pixels = new Uint32Array(this.line.data.buffer);
+  }
+
+  /** @param {number} x @param {number} row @param {number} topRow */
+  hatched(x, row, topRow) {
+    const period = this.hatchPeriod ?? 1;
+    const phase = (((x + row - topRow) % period) + period) % period;
+    return (phase < Math.max(period >> 2, 1) ? this.hatch : this.nothing) ?? 0;
   }
 
   /**
    * @param {Pane} pane
    * @param {Int16Array} table
-   * @param {Int16Array} shown
-   * @param {boolean} everything
-   * @param {number} moved
-   * @param {PictureState} state
-   */
-  paintRows(pane, table, shown, everything, moved, state) {
-    if (this.line.width !== pane.width) {
-      this.line = new ImageData(pane.width, 1);
-      this.pixels = new Uint32Array(this.line.data.buffer);
-    }
-    for (let row = 0; row < pane.height; row++) {
-      const before = row - moved;
-      const same =
-        !everything && before >= 0 && shown[2 * before] === table[2 * row] && table[2 * row] !== LOST;
-      if (same && shown[2 * before + 1] === table[2 * row + 1]) continue;
-      this.paintRow(pane, table[2 * row], row, state);
-      this.context.putImageData(this.line, pane.x, pane.y + row);
-    }
-  }
-
-  /**
-   * @param {Pane} pane
-   * @param {number} code
    * @param {number} row
+   * @param {number} topRow
    * @param {PictureState} state
    */
-  paintRow(pane, code, row, state) {
-    const nothing = packed(state.nothingRgb);
-    const hatch = packed(state.hatchRgb);
-    const hatched = (/** @type {number} */ x) =>
-      (x + this.canvas.height - row) % (7 * state.dpr) < 1.6 * state.dpr ? hatch : nothing;
+  paintRow(pane, table, row, topRow, state) {
+    const code = table[2 * row];
+    const { pixels } = this;
+    if (code === LOST) {
+      for (let x = 0; x < pane.width; x++) pixels[x] = this.hatched(pane.x + x, row, topRow);
+      return;
+    }
     if (code < 0) {
-      for (let x = 0; x < pane.width; x++) this.pixels[x] = code === NOTHING ? nothing : hatched(pane.x + x);
+      pixels.fill(this.nothing ?? 0);
       return;
     }
     const ring = this.rings[Math.floor(code / this.capacity)];
-    const slot = code % this.capacity;
+    const slot = ((code % this.capacity) + table[2 * row + 1] - 1) % this.capacity;
     const tvg = this.tvg[pane.channel === 'A' ? 0 : 1];
     const perPixel = (state.toM - state.fromM) / pane.width;
     for (let x = 0; x < pane.width; x++) {
       const across = pane.mirrored ? pane.width - x - 0.5 : x + 0.5;
       const rangeM = state.fromM + across * perPixel;
       const amplitude = ring.amplitudeAt(slot, rangeM);
-      if (amplitude === null) this.pixels[x] = nothing;
-      else if (amplitude === 'gap') this.pixels[x] = hatched(pane.x + x);
+      if (amplitude === null) pixels[x] = this.nothing ?? 0;
+      else if (amplitude === 'gap') pixels[x] = this.hatched(pane.x + x, row, topRow);
       else {
         const bin = Math.min(TVG_BINS - 1, Math.floor((rangeM / state.tvgMaximumM) * TVG_BINS));
-        this.pixels[x] = this.palette[Math.round(255 * displayLevel(amplitude, tvg[bin], state.gain))];
+        pixels[x] = this.palette[Math.round(255 * displayLevel(amplitude, tvg[bin], state.gain))];
       }
     }
   }
@@ -130,29 +132,6 @@ export class CanvasPicture {
 
 /** @param {Float32Array} rgb 0..1 @returns {number} as ImageData stores it on a little-endian machine */
 function packed(rgb) {
-  return (
-    ((255 << 24) |
-      (Math.round(rgb[2] * 255) << 16) |
-      (Math.round(rgb[1] * 255) << 8) |
-      Math.round(rgb[0] * 255)) >>>
-    0
-  );
-}
-
-/**
- * By how many rows the picture moved down between two tables; 0 when it did not, or not simply.
- * @param {Int16Array} before
- * @param {Int16Array} after
- * @param {number} rows
- */
-export function shiftBetween(before, after, rows) {
-  if (before.length !== after.length) return 0;
-  for (let moved = 1; moved < Math.min(rows / 2, 64); moved++) {
-    let equal = true;
-    for (let row = 0; equal && row + moved < rows; row += 7) {
-      equal = before[2 * row] === after[2 * (row + moved)];
-    }
-    if (equal && before[0] !== after[0]) return moved;
-  }
-  return 0;
+  const [red, green, blue] = [0, 1, 2].map((k) => Math.round(rgb[k] * 255));
+  return ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0;
 }

@@ -2,6 +2,9 @@
 /**
  * The picture by WebGL2: one texture row per ping, levels, time-varied gain, palette and mirroring in the fragment
  * shader, so that a change of gain shows in the past as well and a new ping costs one row of upload.
+ *
+ * The shader paints into a texture that is a ring in time: row r of the time grid lies at r modulo the pane's height.
+ * A picture that moved on costs its new rows and one copy, which software rendering at 4K can follow, too.
  */
 
 /** @typedef {import('./ping_ring.js').PingRing} PingRing */
@@ -9,6 +12,7 @@
 /** @typedef {import('./picture_state.js').PictureState} PictureState */
 
 import { TVG_BINS, ratioFromDb } from './gain.js';
+import { HATCH_PX, PictureChanges } from './picture_changes.js';
 import { MOST_PINGS_IN_A_ROW } from './row_table.js';
 
 const VERTEX = `#version 300 es
@@ -28,6 +32,7 @@ uniform isampler2D u_rows;         // x row of the picture, y channel: code, pin
 uniform sampler2D u_tvg;           // x range bin, y channel
 uniform sampler2D u_palette;
 uniform vec4 u_pane;               // x, y from below, width, height
+uniform ivec3 u_top;               // top row modulo height, its phase in the hatching, period of the hatching
 uniform int u_channel;
 uniform int u_capacity;
 uniform bool u_mirrored;
@@ -35,13 +40,12 @@ uniform vec2 u_range;
 uniform vec4 u_levels;             // black, gain / (white - black), gamma, range of the last tvg bin
 uniform vec3 u_nothing;
 uniform vec3 u_hatch;
-uniform float u_dpr;
 out vec4 color;
 
 const int MOST_SAMPLES = 16;
 
-vec3 hatched(vec2 at) {
-  return mod(at.x + at.y, 7.0 * u_dpr) < 1.6 * u_dpr ? u_hatch : u_nothing;
+vec3 hatched(int x, int row) {
+  return (x + row + u_top.y) % u_top.z < max(u_top.z / 4, 1) ? u_hatch : u_nothing;
 }
 
 float tvg(float range) {
@@ -53,9 +57,11 @@ float tvg(float range) {
 
 void main() {
   vec2 at = gl_FragCoord.xy - u_pane.xy;
-  ivec2 code = texelFetch(u_rows, ivec2(int(u_pane.w - at.y), u_channel), 0).xy;
+  int row = u_top.x - int(at.y);
+  if (row < 0) row += int(u_pane.w);
+  ivec2 code = texelFetch(u_rows, ivec2(row, u_channel), 0).xy;
   if (code.x < 0) {
-    color = vec4(code.x == -1 ? u_nothing : hatched(gl_FragCoord.xy), 1.0);
+    color = vec4(code.x == -1 ? u_nothing : hatched(int(gl_FragCoord.x), row), 1.0);
     return;
   }
   float across = at.x / u_pane.z;
@@ -89,7 +95,7 @@ void main() {
     }
   }
   if (found == 0.0) {
-    color = vec4(inside ? hatched(gl_FragCoord.xy) : u_nothing, 1.0);
+    color = vec4(inside ? hatched(int(gl_FragCoord.x), row) : u_nothing, 1.0);
     return;
   }
   float level = clamp((sum / found * tvg(range) - u_levels.x) * u_levels.y, 0.0, 1.0);
@@ -110,7 +116,7 @@ const UNIFORMS = /** @type {const} */ ([
   'u_levels',
   'u_nothing',
   'u_hatch',
-  'u_dpr',
+  'u_top',
 ]);
 
 /** Texture units. */
@@ -119,6 +125,7 @@ const PINGS = 1;
 const ROWS = 2;
 const TVG = 3;
 const PALETTE = 4;
+const PAINTED = 5;
 
 export class GlPicture {
   /**
@@ -148,6 +155,10 @@ export class GlPicture {
     this.width = 0;
     this.pingValues = new Float32Array(4);
     this.rowsHeight = 0;
+    this.changes = new PictureChanges();
+    this.paintedWidth = 0;
+    this.paintedHeight = 0;
+    this.hatchPeriod = HATCH_PX;
     /** @type {Record<typeof UNIFORMS[number], WebGLUniformLocation | null>} */
     this.at = Object.create(null);
     this.prepare();
@@ -168,7 +179,7 @@ export class GlPicture {
     gl.useProgram(program);
     gl.bindVertexArray(gl.createVertexArray());
     for (const name of UNIFORMS) this.at[name] = gl.getUniformLocation(program, name);
-    const units = [SAMPLES, PINGS, ROWS, TVG, PALETTE];
+    const units = [SAMPLES, PINGS, ROWS, TVG, PALETTE, PAINTED];
     this.textures = units.map((unit) => {
       const texture = gl.createTexture();
       const target = unit === SAMPLES ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D;
@@ -192,9 +203,28 @@ export class GlPicture {
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32F, TVG_BINS, 2);
     gl.activeTexture(gl.TEXTURE0 + PALETTE);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 1);
+    this.framebuffer = gl.createFramebuffer();
+    this.paintedWidth = 0;
+    this.paintedHeight = 0;
     this.rowsHeight = 0;
     this.width = 0;
+    this.changes.everything();
     this.makeSampleTexture();
+  }
+
+  /** The texture that is painted on, as large as the canvas. */
+  makePaintedTexture() {
+    const gl = this.gl;
+    const { width, height } = this.canvas;
+    if (width === this.paintedWidth && height === this.paintedHeight) return;
+    this.paintedWidth = width;
+    this.paintedHeight = height;
+    gl.activeTexture(gl.TEXTURE0 + PAINTED);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer ?? null);
+    const painted = this.textures?.[PAINTED] ?? null;
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, painted, 0);
+    this.changes.everything();
   }
 
   /** As wide as the widest ring; rings that grow later bring us here again. */
@@ -269,6 +299,7 @@ export class GlPicture {
   /** @param {Uint8Array} table 256 x RGBA */
   setPalette(table) {
     const gl = this.gl;
+    this.changes.everything();
     gl.activeTexture(gl.TEXTURE0 + PALETTE);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, table);
   }
@@ -276,6 +307,7 @@ export class GlPicture {
   /** @param {number} channel @param {Float32Array} table */
   setTvg(channel, table) {
     const gl = this.gl;
+    this.changes.everything();
     gl.activeTexture(gl.TEXTURE0 + TVG);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, channel, TVG_BINS, 1, gl.RED, gl.FLOAT, table);
   }
@@ -283,28 +315,97 @@ export class GlPicture {
   /**
    * @param {Pane[]} panes
    * @param {Int16Array[]} rowTables by channel
+   * @param {number} topRow on the time grid
    * @param {PictureState} state
    */
-  draw(panes, rowTables, state) {
+  draw(panes, rowTables, topRow, state) {
     const gl = this.gl;
     if (gl.isContextLost()) return;
+    this.makePaintedTexture();
     this.uploadRows(rowTables, panes);
+    this.setState(state);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer ?? null);
+    gl.enable(gl.SCISSOR_TEST);
+    this.changes.begin(panes, state, this.rings);
+    for (let k = 0; k < panes.length; k++) this.paintPane(panes[k], rowTables, topRow);
+    this.changes.end(rowTables, topRow);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.framebuffer ?? null);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    for (let k = 0; k < panes.length; k++) this.copyPane(panes[k], topRow);
+  }
+
+  /** @param {PictureState} state */
+  setState(state) {
+    const gl = this.gl;
     const { gain } = state;
     gl.uniform2f(this.at.u_range, state.fromM, state.toM);
     const slope = ratioFromDb(gain.gainDb) / Math.max(gain.white - gain.black, 1e-3);
     gl.uniform4f(this.at.u_levels, gain.black, slope, gain.gamma, state.tvgMaximumM);
     gl.uniform3fv(this.at.u_nothing, state.nothingRgb);
     gl.uniform3fv(this.at.u_hatch, state.hatchRgb);
-    gl.uniform1f(this.at.u_dpr, state.dpr);
-    for (let k = 0; k < panes.length; k++) {
-      const pane = panes[k];
-      const fromBelow = this.canvas.height - pane.y - pane.height;
-      gl.viewport(pane.x, fromBelow, pane.width, pane.height);
-      gl.uniform4f(this.at.u_pane, pane.x, fromBelow, pane.width, pane.height);
-      gl.uniform1i(this.at.u_channel, pane.channel === 'A' ? 0 : 1);
-      gl.uniform1i(this.at.u_mirrored, pane.mirrored ? 1 : 0);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-    }
+    this.hatchPeriod = Math.max(4, Math.round(HATCH_PX * state.dpr));
+  }
+
+  /** @param {Pane} pane from below @returns {number} */
+  bottomOf(pane) {
+    return this.canvas.height - pane.y - pane.height;
+  }
+
+  /** @param {Pane} pane @param {Int16Array[]} rowTables @param {number} topRow */
+  paintPane(pane, rowTables, topRow) {
+    const gl = this.gl;
+    const bottom = this.bottomOf(pane);
+    const channel = pane.channel === 'A' ? 0 : 1;
+    const period = this.hatchPeriod;
+    const top = modulo(topRow, pane.height);
+    gl.viewport(pane.x, bottom, pane.width, pane.height);
+    gl.uniform4f(this.at.u_pane, pane.x, bottom, pane.width, pane.height);
+    // Rows count downwards, time upwards: the hatching belongs to the time and moves with it.
+    gl.uniform3i(this.at.u_top, top, modulo(-topRow, period), period);
+    gl.uniform1i(this.at.u_channel, channel);
+    gl.uniform1i(this.at.u_mirrored, pane.mirrored ? 1 : 0);
+    this.changes.each(channel, rowTables[channel], topRow, pane.height, (from, to) => {
+      // Rows from..to-1 lie at top-from down to top-to+1 of the ring, in one piece or two.
+      const high = top - from;
+      const low = top - to + 1;
+      if (high >= 0) this.paintRows(pane, bottom, Math.max(0, low), high);
+      if (low < 0) this.paintRows(pane, bottom, low + pane.height, Math.min(high, -1) + pane.height);
+    });
+  }
+
+  /** @param {Pane} pane @param {number} bottom @param {number} low @param {number} high rows of the ring, inclusive */
+  paintRows(pane, bottom, low, high) {
+    const gl = this.gl;
+    gl.scissor(pane.x, bottom + low, pane.width, high - low + 1);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** From the ring to the screen, the newest row on top. @param {Pane} pane @param {number} topRow */
+  copyPane(pane, topRow) {
+    const { x, width, height } = pane;
+    const bottom = this.bottomOf(pane);
+    const upper = modulo(topRow, height) + 1;
+    this.copyRows(x, width, bottom, upper, bottom + height - upper);
+    this.copyRows(x, width, bottom + upper, height - upper, bottom);
+  }
+
+  /** @param {number} x @param {number} width @param {number} from @param {number} rows @param {number} to */
+  copyRows(x, width, from, rows, to) {
+    const gl = this.gl;
+    if (rows <= 0) return;
+    gl.blitFramebuffer(
+      x,
+      from,
+      x + width,
+      from + rows,
+      x,
+      to,
+      x + width,
+      to + rows,
+      gl.COLOR_BUFFER_BIT,
+      gl.NEAREST,
+    );
   }
 
   /** @param {Int16Array[]} rowTables @param {Pane[]} panes */
@@ -321,6 +422,11 @@ export class GlPicture {
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, channel, rows, 1, gl.RG_INTEGER, gl.SHORT, rowTables[channel]);
     }
   }
+}
+
+/** @param {number} value @param {number} by */
+function modulo(value, by) {
+  return ((value % by) + by) % by;
 }
 
 /** @param {WebGL2RenderingContext} gl */

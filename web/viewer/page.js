@@ -3,7 +3,7 @@
 
 import { call } from '../shared/api.js';
 import { byId, setText } from '../shared/dom.js';
-import { clockTime, count, duration, fixed, signed } from '../shared/format.js';
+import { fixed, signed } from '../shared/format.js';
 import { StatusStrip } from '../shared/status_strip.js';
 import { startTheme, onThemeChange } from '../shared/theme.js';
 import { ContactDesk } from './contact_desk.js';
@@ -21,9 +21,9 @@ import { Readout } from './readout.js';
 import { saveSnapshot } from './snapshot.js';
 import { Stage } from './stage.js';
 import { FIRST_CHIPS, chipsOf, waitingText } from './status.js';
-import { Timeline } from './timeline.js';
 import { ToolBar } from './tools.js';
 import { Track } from './track.js';
+import { Transport } from './transport.js';
 
 /** @typedef {import('./overlay.js').Spot} Spot */
 /** @typedef {import('./ranging.js').Layout} Layout */
@@ -82,6 +82,11 @@ export class ViewerPage {
       onState: () => this.slowUpdate(),
       onHistory: () => this.historyCame(),
     });
+    this.transport = new Transport(this.waterfall, this.overlay, this.feed, {
+      onTop: (topS) => this.showTop(topS),
+      onKey: (windows) => this.scroll(windows),
+    });
+    this.transport.onPaused = (paused) => this.tools?.showPaused(paused);
     this.makeParts();
   }
 
@@ -89,10 +94,6 @@ export class ViewerPage {
     this.strip = new StatusStrip(byId('strip', HTMLElement), FIRST_CHIPS);
     this.readout = new Readout(byId('readout', HTMLElement));
     this.tools = new ToolBar(byId('tools', HTMLElement), this);
-    this.timeline = new Timeline(byId('timeline', HTMLElement), byId('timeline-thumb', HTMLElement), {
-      onTop: (topS) => this.showTop(topS),
-      onKey: (windows) => this.scroll(windows),
-    });
     this.picturePanel = new PicturePanel(
       byId('panel-picture', HTMLElement),
       this.waterfall,
@@ -237,8 +238,8 @@ export class ViewerPage {
       this.overlay.unixOffsetS,
       this.overlay.unit,
     );
-    this.showTransport();
-    if (this.waterfall.hasData) this.showTimeline();
+    this.transport.show(this.newPings);
+    this.transport.showTimeline();
   }
 
   levelsMeasured() {
@@ -268,55 +269,8 @@ export class ViewerPage {
     this.overlay.unit = this.feed.coarse && !(this.feed.coarseRangeM.A > 0) ? 'bin' : 'm';
     byId('simulated', HTMLElement).hidden = !(this.status?.simulated ?? this.feed.simulated);
     if (now - this.vehicleAtMs > STALE_AFTER_S * 1000) this.readout?.showVehicle(null);
-    this.showWaiting();
-    this.showTransport();
-  }
-
-  showWaiting() {
-    const waiting = waitingText(this.feed, this.waterfall.hasData, this.status);
-    byId('waiting', HTMLElement).hidden = waiting === null;
-    byId('transport', HTMLElement).hidden = waiting !== null;
-    if (!waiting) return;
-    setText(byId('waiting-title', HTMLElement), waiting.title);
-    setText(byId('waiting-text', HTMLElement), waiting.text);
-  }
-
-  showTransport() {
-    const { view, hasData } = this.waterfall;
-    if (!hasData) return;
-    const state = byId('transport-state', HTMLElement);
-    const latest = Math.max(this.feed.channels.A.lastArrivalMs, this.feed.channels.B.lastArrivalMs);
-    const silentS = (performance.now() - latest) / 1000;
-    const silent = !(silentS < STALE_AFTER_S);
-    const kind = !view.live ? 'paused' : silent ? 'stale' : 'live';
-    if (state.dataset.state !== kind) state.dataset.state = kind;
-    const words = Number.isFinite(silentS) ? `No new pings for ${duration(silentS)}` : 'No live pings';
-    setText(
-      state,
-      kind === 'live' ? '\u25cf Live' : kind === 'stale' ? words : `Paused at ${this.topLabel()}`,
-    );
-    const back = byId('back-to-live', HTMLButtonElement);
-    if (back.hidden !== view.live) back.hidden = view.live;
-    setText(byId('new-pings', HTMLElement), this.newPings > 0 ? `(${count(this.newPings)} new)` : '');
-    this.tools?.showPaused(!view.live);
-  }
-
-  topLabel() {
-    const { unixOffsetS } = this.overlay;
-    const { topS } = this.waterfall;
-    return Number.isFinite(unixOffsetS) ? clockTime(topS + unixOffsetS) : duration(topS);
-  }
-
-  showTimeline() {
-    const { topS, windowS, newestS } = this.waterfall;
-    this.timeline?.show({
-      oldestS: this.feed.oldestS,
-      newestS,
-      topS: Math.min(topS, newestS),
-      windowS,
-      label: this.waterfall.view.live ? 'live' : this.topLabel(),
-      marks: this.overlay.markers.map((marker) => marker.spot.timeS),
-    });
+    this.transport.showWaiting(waitingText(this.feed, this.waterfall.hasData, this.status));
+    this.transport.show(this.newPings);
   }
 
   /* Time and range */

@@ -35,6 +35,8 @@ export class PingRing {
     this.gaps = new Array(capacity).fill(NO_GAPS);
     this.head = 0;
     this.length = 0;
+    /** Counts events after which a slot may hold another ping than the picture showed. */
+    this.generation = 0;
     this.recentIntervals = new Float64Array(PERIOD_WINDOW);
     this.intervalCount = 0;
     this.sortScratch = new Float64Array(PERIOD_WINDOW);
@@ -71,6 +73,7 @@ export class PingRing {
   }
 
   clear() {
+    this.generation += 1;
     this.head = 0;
     this.length = 0;
     this.intervalCount = 0;
@@ -132,6 +135,7 @@ export class PingRing {
     const taken = [];
     for (let k = index + 1; k < this.length; k++) taken.push(this.read(this.slot(k), channel));
     this.length = index + 1;
+    this.generation += 1;
     return taken;
   }
 
@@ -211,6 +215,7 @@ export class PingRing {
     }
     this.samples = wider;
     this.width = width;
+    this.generation += 1;
     this.onWrite(-1);
   }
 

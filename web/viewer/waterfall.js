@@ -185,7 +185,7 @@ export class Waterfall {
     this.frames += 1;
     this.updateScale();
     for (let channel = 0; channel < 2; channel++) this.updateRows(channel);
-    this.picture.draw(this.panes, this.rowTables, this.state);
+    this.picture.draw(this.panes, this.rowTables, this.topRow, this.state);
     this.onDrawn();
     this.wantLevels();
   }
