@@ -290,3 +290,18 @@ async def test_data_goes_out_as_whole_frames_in_datagrams_that_fit(gateway, sent
     gateway.share(frames)
     assert all(len(data) <= 1400 for data, _ in sent)
     assert [frame.payload for data, _ in sent for frame in parse(data)] == [frame.payload for frame in frames]
+
+
+async def test_asking_everything_there_is_cannot_keep_the_sonar_busy(gateway, sonar) -> None:
+    """A stranger's questions wait behind a bound, and one the sonar did not answer is not repeated at once."""
+    for step in range(40):
+        for frame_id in range(0x10 + step, 0x10 + step + 20):
+            gateway.take(build_frame(frame_id & 0xFF, bytes((step,)), frame_type=3, route=1, response=True), TOPSIDE)
+        await settle()
+        clock.now_s += 0.1
+    assert len(sonar.heard) <= 32
+    assert sonar.session.asks_dropped > 0
+    unanswered = sonar.heard[0]
+    gateway.take(routed(unanswered, 1), TOPSIDE)
+    await settle()
+    assert sonar.heard.count(unanswered) == 1

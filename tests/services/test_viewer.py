@@ -223,3 +223,24 @@ async def test_a_part_that_fails_is_started_again(viewer, http, monkeypatch) -> 
     async with asyncio.timeout(5):
         while calls < 3:
             await asyncio.sleep(0.01)
+
+
+async def test_random_datagrams_harm_nothing_and_nothing_of_them_is_shown(viewer, http) -> None:
+    noise = np.random.default_rng(7)
+    good = build_frame(3, bytes(206), route=1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for index in range(600):
+            data = bytearray(good if index % 2 else noise.bytes(int(noise.integers(0, 3000))))
+            if index % 2:
+                data[int(noise.integers(2, len(data)))] ^= int(noise.integers(1, 256))
+            stranger.sendto(data, ("127.0.0.1", viewer.udp[Channel.A].port))
+            if index % 50 == 0:
+                await asyncio.sleep(0)
+    extension = Extension(viewer)
+    async with http.ws_connect(url(viewer, "/ws")) as pings:
+        for seed in range(2):
+            extension.ping(Channel.B, samples(400, seed))
+        assert (await next_ping(pings)).ping.samples.tobytes() == samples(400, 0).tobytes()
+    async with http.get(url(viewer, "/api/status")) as answer:
+        status = await answer.json()
+    assert (status["a_bb55"], status["a_pings"], status["peers"]) == (0, 0, [])

@@ -89,6 +89,24 @@ def test_a_ping_that_became_longer_is_shown_again_whole(bench) -> None:
     assert not any(ping.gaps for ping in bench.pings)
 
 
+def test_both_sub_channels_of_a_dual_sonar_become_shorter_together(bench) -> None:
+    def dual(size: int) -> None:
+        bench.now_s += 0.1
+        stream = np.arange(2 * size, dtype=np.uint32).astype(np.uint8)
+        for start in range(0, 2 * size, 200):
+            payload = start.to_bytes(2, "little") + b"\x14\0\0\0" + stream[start : start + 200].tobytes()
+            bench.send(build_frame(3, payload, version=1, route=1, mark=True))
+
+    for _ in range(6):
+        dual(500)
+    assert {ping.sub_channel for ping in bench.pings} == {0, 1}
+    bench.pings.clear()
+    for _ in range(3):
+        dual(300)
+    assert bench.sizes == [300] * 4
+    assert not any(ping.gaps for ping in bench.pings)
+
+
 def test_a_lost_head_is_a_gap_and_teaches_nothing(bench) -> None:
     for _ in range(5):
         bench.ping(1000)

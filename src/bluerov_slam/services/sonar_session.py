@@ -32,7 +32,11 @@ ALIVE_S = 5.0
 ASK_QUEUE = 16
 # KoggerApp asks for VERSION several times a second for ever; the sonar hears it once.
 ASK_INTERVAL_S = 1.0
-CHART_POLL_INTERVAL_S = 0.05
+CHART_POLL_INTERVAL_S = 0.1
+UNANSWERED_PAUSE_S = 15.0
+# More kinds of questions than KoggerApp has; the rest is somebody trying them all.
+KINDS_OF_ASKS = 32
+MAXIMUM_ASK_PAYLOAD = 16
 RESULT_MEANINGS: dict[int, str] = {
     ResultCode.NONE: "no result",
     ResultCode.OK: "done",
@@ -106,7 +110,7 @@ class SonarSession:
         self._answers: dict[AnswerKey, Answer] = {}
         self._heard_s: float | None = None
         self._asks: asyncio.Queue[KoggerFrame] = asyncio.Queue(ASK_QUEUE)
-        self._asked_s: dict[tuple[int, int, bytes], float] = {}
+        self._ask_again_s: dict[tuple[int, int, bytes], float] = {}
 
     @property
     def alive(self) -> bool:
@@ -174,26 +178,29 @@ class SonarSession:
         """Queue a GETTING for `run`, unless the same was asked a moment ago or too many wait."""
         now_s = self._now_s()
         key = (frame_id, version, payload)
-        interval_s = CHART_POLL_INTERVAL_S if frame_id in STREAMED_IDS else ASK_INTERVAL_S
-        if now_s - self._asked_s.get(key, -interval_s) < interval_s:
+        if now_s < self._ask_again_s.get(key, now_s) or len(payload) > MAXIMUM_ASK_PAYLOAD:
             return
-        if len(self._asked_s) > 4 * ASK_QUEUE:
-            self._asked_s.clear()
-        request = get_frame(frame_id, version=version, payload=payload)
-        try:
-            self._asks.put_nowait(parse_one(request))
-            self._asked_s[key] = now_s
-        except asyncio.QueueFull:
+        self._ask_again_s = {known: at_s for known, at_s in self._ask_again_s.items() if at_s > now_s}
+        if self._asks.full() or len(self._ask_again_s) >= KINDS_OF_ASKS:
             self.asks_dropped += 1
+            return
+        self._ask_again_s[key] = now_s + (CHART_POLL_INTERVAL_S if frame_id in STREAMED_IDS else ASK_INTERVAL_S)
+        self._asks.put_nowait(parse_one(get_frame(frame_id, version=version, payload=payload)))
 
     async def run(self) -> None:
         """Carry out what `ask_soon` queued, one after the other; until cancelled."""
         while True:
             request = await self._asks.get()
             try:
-                # One attempt: who asks like this asks again.
-                await self._request(request, attempts=1)
+                if request.frame_id in STREAMED_IDS:
+                    # Its answer comes with the data; nothing to wait for.
+                    await self._link.command(self.channel, request.raw)
+                else:
+                    await self._request(request, attempts=1)
             except CommandError as error:
+                # KoggerApp asks every sonar for things that only other products know, again and again.
+                key = (request.frame_id, request.version, request.payload)
+                self._ask_again_s[key] = self._now_s() + UNANSWERED_PAUSE_S
                 logger.debug("sonar %s: %s", self.channel, error)
 
     async def _request(self, request: KoggerFrame, attempts: int = 1 + RETRIES) -> KoggerFrame:

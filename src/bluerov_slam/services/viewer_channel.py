@@ -49,13 +49,16 @@ class SampleCount:
         self._guess: int | None = None
         self._last_size = 0
         self._alike = 0
+        self._shortened = -1
         self._previous: dict[int, Ping] = {}
 
     def check(self, ping: Ping) -> Ping:
         """The ping as it should be shown."""
         ping = self._rejoin(ping)
-        if self._guess is not None and self._guess == ping.samples.size and _is_tail_missing(ping):
+        guessed = self._guess == ping.samples.size or self._shortened == ping.number
+        if guessed and _is_tail_missing(ping):
             self._unlearn()
+            self._shortened = ping.number  # a second sub-channel has the same number
             end = ping.gaps[-1][0]
             ping = replace(ping, samples=ping.samples[:end], gaps=ping.gaps[:-1])
         elif self._assembler.expected_samples is None:

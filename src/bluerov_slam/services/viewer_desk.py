@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -43,6 +44,7 @@ class ViewerDesk:
         self._outlets = outlets
         self._sonar_changed = asyncio.Event()
         self._contacts_wanted = asyncio.Event()
+        self._started_unix_s = round(time.time(), 3)
         forwarder.on_change = self._sonar_changed.set
         link.listener.on_up = self._on_link_up
         link.listener.on_down = self._sonar_changed.set
@@ -62,6 +64,8 @@ class ViewerDesk:
             "simulated": self._outlets.simulated,
             "mirror": bool(self._facts.settings.get("mirror", self._settings.sonar.mirror)),
             "clients": self._outlets.clients,
+            # Ping numbers begin anew with each start.
+            "started_unix_s": self._started_unix_s,
             "versions": {"viewer": __version__},
         }
 
