@@ -69,6 +69,22 @@ def test_the_sonars_own_answer_makes_the_very_next_ping_early(bench) -> None:
     assert [ping.samples.tobytes() for ping in bench.pings] == [sent.tobytes()]
 
 
+def test_between_a_new_setting_and_its_read_back_no_ping_is_padded_or_cut(bench) -> None:
+    def answer(data: bytes) -> None:
+        bench.channel.take_answer(KoggerFrameDecoder("mod256").feed(data)[0])
+
+    answer(ChartSetup(1000, 20).content_frame())
+    bench.ping(1000)
+    bench.pings.clear()
+    answer(build_frame(0x12, b"\x01\0\0", response=True))
+    bench.ping(600)
+    bench.ping(600)
+    answer(ChartSetup(600, 20).content_frame())
+    bench.ping(600)
+    assert bench.sizes == [600, 600, 600]
+    assert not any(ping.gaps for ping in bench.pings)
+
+
 def test_a_ping_that_became_shorter_is_shown_short_at_once_and_not_padded(bench) -> None:
     for _ in range(5):
         bench.ping(1000)

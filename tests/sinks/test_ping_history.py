@@ -1,5 +1,6 @@
 import errno
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -152,3 +153,29 @@ def test_a_ping_larger_than_a_block_is_refused_and_counted(history: PingHistory)
     history.append(Channel.A, 1, bytes(BLOCK_BYTES))
     assert history.pings_refused == 1
     assert history.span(Channel.A) is None
+
+
+def test_reading_while_the_writer_goes_round_never_gives_a_wrong_or_torn_ping(history: PingHistory) -> None:
+    done = threading.Event()
+
+    def write() -> None:
+        fill(history, 1, 6000)
+        done.set()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    reads = 0
+    while not done.is_set() or reads == 0:
+        kept = numbers(history, limit=300)
+        assert kept == sorted(set(kept))
+        reads += 1
+    writer.join()
+    assert numbers(history, limit=2) == [5999, 6000]
+
+
+def test_closing_ends_the_file_and_keeps_the_rest_harmless(history: PingHistory) -> None:
+    fill(history, 1, 200)
+    history.close()
+    fill(history, 201, 300)
+    assert numbers(history, limit=3) == [298, 299, 300]
+    history.close()

@@ -129,7 +129,12 @@ class ViewerChannel:
     def take_answer(self, frame: KoggerFrame) -> None:
         """A frame of the sonar that came over the viewer link; it may tell the sample count."""
         self.session.take(frame)
-        if frame.frame_id == KoggerId.CHART_SETUP:
+        if frame.frame_id != KoggerId.CHART_SETUP:
+            return
+        if frame.response:
+            # Just set: the next pings have a size that is not read back yet.
+            self._assembler.expected_samples = None
+        else:
             self._assembler.feed(frame, self._now_s(), self._now_s())
 
     def flush(self) -> None:

@@ -65,6 +65,8 @@ class PingHistory:
         self.blocks_dropped = 0
         self.pings_refused = 0
         self._lock = threading.Lock()
+        # Held while the descriptor is used, so that closing it cannot hand its number to another file meanwhile.
+        self._file_lock = threading.RLock()
         self._keep_free_bytes = keep_free_bytes
         self._free_bytes = free_bytes or _free_bytes
         self._capacity = max(1, capacity_bytes // BLOCK_BYTES)
@@ -96,13 +98,14 @@ class PingHistory:
 
     def write_pending(self) -> None:
         """Write the full blocks to the file. For one worker thread at a time."""
-        while self._file is not None:
+        while True:
             with self._lock:
                 if not self._unwritten:
                     return
                 block = self._unwritten[0]
-            if not self._write(self._file, block):
-                return
+            with self._file_lock:
+                if self._file is None or not self._write(self._file, block):
+                    return
             with self._lock:
                 if self._unwritten and self._unwritten[0] is block:
                     self._unwritten.popleft()
@@ -143,9 +146,10 @@ class PingHistory:
 
     def close(self) -> None:
         """Give the file back to the disk."""
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        with self._file_lock:
+            if self._file is not None:
+                os.close(self._file)
+                self._file = None
 
     def _create(self, folder: Path) -> int | None:
         try:
@@ -232,9 +236,10 @@ class PingHistory:
 
     def _reader(self, slot: int, generation: int) -> Callable[[], bytes]:
         def read() -> bytes:
-            if self._file is None:
-                return b""
-            data = os.pread(self._file, BLOCK_BYTES, slot * BLOCK_BYTES)
+            with self._file_lock:
+                if self._file is None:
+                    return b""
+                data = os.pread(self._file, BLOCK_BYTES, slot * BLOCK_BYTES)
             with self._lock:
                 overwritten = self._generation[slot] != generation
             return b"" if overwritten else data
