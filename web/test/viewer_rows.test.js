@@ -31,8 +31,16 @@ export function pingAt(number, timeS, change = {}) {
 /** @param {number} capacity @param {number[]} times */
 function ringOf(capacity, times) {
   const ring = new PingRing(capacity);
-  times.forEach((time, k) => ring.append(pingAt(k, time)));
+  times.forEach((time, k) => appendAt(ring, k, time));
   return ring;
+}
+
+/** Exactly there: how arrivals become places is another test. @param {PingRing} ring @param {number} number @param {number} timeS */
+function appendAt(ring, number, timeS) {
+  ring.append(pingAt(number, timeS));
+  const slot = ring.slot(ring.length - 1);
+  ring.timeS[slot] = timeS;
+  ring.periodS[slot] = 0.1;
 }
 
 /** @param {PingRing} ring @param {number} rows @param {number} topRow @param {number} secondsPerRow */
@@ -49,7 +57,7 @@ test('the newest ping is on top and each ping keeps its rows while the picture s
   const ring = ringOf(64, [1, 1.1, 1.2, 1.3]);
   // Two rows a ping: row k of the time grid ends at k * 0.05 s.
   assert.deepEqual(rowsOf(ring, 6, 26, 0.05), [3, 3, 2, 2, 1, 1]);
-  ring.append(pingAt(4, 1.4));
+  appendAt(ring, 4, 1.4);
   assert.deepEqual(rowsOf(ring, 8, 28, 0.05), [4, 4, 3, 3, 2, 2, 1, 1]);
 });
 
@@ -127,10 +135,27 @@ test('what was missing goes between', () => {
 });
 
 test('the period follows the pings and rides over a loss', () => {
-  const ring = ringOf(64, [0, 0.1, 0.2, 0.3, 0.5, 0.6]);
-  assert.ok(Math.abs(ring.currentPeriodS - 0.1) < 1e-6);
-  for (let k = 0; k < 12; k++) ring.append(pingAt(50 + k, 0.8 + 0.2 * k));
-  assert.ok(Math.abs(ring.currentPeriodS - 0.2) < 1e-6);
+  const ring = new PingRing(64);
+  let time = 0;
+  for (let k = 0; k < 30; k++) ring.append(pingAt(k, (time += k === 20 ? 0.2 : 0.1)));
+  assert.ok(Math.abs(ring.currentPeriodS - 0.1) < 1e-3);
+  for (let k = 0; k < 20; k++) ring.append(pingAt(50 + k, (time += 0.2)));
+  assert.ok(Math.abs(ring.currentPeriodS - 0.2) < 1e-3);
+});
+
+test('a loss is hatched at its place once the following pings confirm it, live and from history alike', () => {
+  const pings = Array.from({ length: 40 }, (_, k) => pingAt(k, 0.1 * (k < 20 ? k : k + 2)));
+  const live = new PingRing(64);
+  for (const ping of pings) live.append(ping);
+  const back = new PingRing(64);
+  back.append(pingAt(40, 4.2));
+  back.prependAll(pings);
+  for (const ring of [live, back]) {
+    assert.equal(countLost(ring, 0, 10), 2);
+    const index = ring.indexOfNumber(20);
+    const hole = ring.timeS[ring.slot(index)] - ring.timeS[ring.slot(index - 1)];
+    assert.ok(Math.abs(hole - 0.3) < 0.02, `hole ${hole}`);
+  }
 });
 
 test('longer pings widen the ring without losing what it holds', () => {

@@ -106,7 +106,7 @@ export class Feed {
     if (ping.subChannel !== 0) return;
     const ring = this.waterfall.live(ping.channel);
     const channel = this.channels[ping.channel];
-    if (ring.length && ping.monotonicS < ring.newestS - RESTART_S) this.restart();
+    if (ring.length && ping.monotonicS < ring.newestArrivalS - RESTART_S) this.restart();
     const missing = ring.length ? numberDistance(ping.number, ring.newestNumber) - 1 : 0;
     const before = ring.newestNumber;
     if (!ring.append(ping)) return;
@@ -142,7 +142,7 @@ export class Feed {
     });
     this.channels[name].missed += missing - found.length;
     if (!found.length) return;
-    const index = ring.lastAtOrBefore(found[0].monotonicS);
+    const index = ring.indexOfNumber(after);
     if (index < 0) return;
     const later = ring.takeAfter(index, name);
     for (const ping of found) ring.append(ping);

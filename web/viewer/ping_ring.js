@@ -4,15 +4,14 @@
  * texture rows. Both ends grow; a full ring forgets at the other end. Pure.
  */
 
+import { PingClock } from './ping_clock.js';
+
 /** @typedef {import('./decoding.js').Ping} Ping */
 
 /** Longer pings are reduced to this many samples, the strongest of each group. */
 const WIDEST = 4096;
 const FIRST_WIDTH = 1024;
 const NO_GAPS = new Uint16Array(0);
-
-/** Intervals whose median is the ping period: rides over single losses, follows a new period within a second. */
-const PERIOD_WINDOW = 9;
 const FIRST_GUESS_OF_PERIOD_S = 0.1;
 
 export class PingRing {
@@ -21,7 +20,10 @@ export class PingRing {
     this.capacity = capacity;
     this.width = FIRST_WIDTH;
     this.samples = new Uint8Array(capacity * this.width);
+    /** Where the ping is drawn. */
     this.timeS = new Float64Array(capacity);
+    /** As the service stamped it. */
+    this.arrivalS = new Float64Array(capacity);
     this.unixS = new Float64Array(capacity);
     this.number = new Uint32Array(capacity);
     /** In stored samples, a real number after reduction. */
@@ -37,9 +39,7 @@ export class PingRing {
     this.length = 0;
     /** Counts events after which a slot may hold another ping than the picture showed. */
     this.generation = 0;
-    this.recentIntervals = new Float64Array(PERIOD_WINDOW);
-    this.intervalCount = 0;
-    this.sortScratch = new Float64Array(PERIOD_WINDOW);
+    this.clock = new PingClock();
     /** Called with the slot that was written; -1 when everything moved. @type {(slot: number) => void} */
     this.onWrite = () => {};
   }
@@ -59,6 +59,11 @@ export class PingRing {
     return this.length ? this.timeS[this.slot(this.length - 1)] : NaN;
   }
 
+  /** The stamp of the newest, NaN when empty. */
+  get newestArrivalS() {
+    return this.length ? this.arrivalS[this.slot(this.length - 1)] : NaN;
+  }
+
   get oldestNumber() {
     return this.number[this.head];
   }
@@ -76,7 +81,7 @@ export class PingRing {
     this.generation += 1;
     this.head = 0;
     this.length = 0;
-    this.intervalCount = 0;
+    this.clock.reset();
   }
 
   /**
@@ -84,11 +89,13 @@ export class PingRing {
    * @returns {boolean} false when it is not newer, so not stored
    */
   append(ping) {
-    if (this.length && ping.monotonicS <= this.newestS) return false;
-    const period = this.observeInterval(this.length ? ping.monotonicS - this.newestS : NaN);
+    if (this.length && ping.monotonicS <= this.newestArrivalS) return false;
+    const timeS = this.clock.place(ping.monotonicS);
     if (this.length === this.capacity) this.head = this.slot(1);
     else this.length += 1;
-    this.write(this.slot(this.length - 1), ping, period);
+    this.write(this.slot(this.length - 1), ping, timeS, this.clock.periodS);
+    const loss = this.clock.loss();
+    if (loss) this.shiftNewest(loss.pings, loss.shiftS);
     return true;
   }
 
@@ -97,17 +104,24 @@ export class PingRing {
    * @returns {number} how many were stored
    */
   prependAll(pings) {
-    let stored = 0;
-    for (let k = pings.length - 1; k >= 0; k--) {
-      const ping = pings[k];
-      if (this.length && ping.monotonicS >= this.oldestS) continue;
-      const period = periodAround(pings, k);
+    if (!this.length) return pings.filter((ping) => this.append(ping)).length;
+    const older = pings.filter((ping) => ping.monotonicS < this.arrivalS[this.head]);
+    if (!older.length) return 0;
+    const { times, periods } = placedTimes(older);
+    // Placed by themselves they may reach into what follows.
+    const last = older.length - 1;
+    const overlapS = Math.max(0, times[last] + 0.5 * periods[last] - this.oldestS);
+    for (let k = last; k >= 0; k--) {
       this.head = this.head === 0 ? this.capacity - 1 : this.head - 1;
       if (this.length < this.capacity) this.length += 1;
-      this.write(this.head, ping, period);
-      stored += 1;
+      this.write(this.head, older[k], times[k] - overlapS, periods[k]);
     }
-    return stored;
+    return older.length;
+  }
+
+  /** @param {number} pings @param {number} shiftS */
+  shiftNewest(pings, shiftS) {
+    for (let k = Math.max(0, this.length - pings); k < this.length; k++) this.timeS[this.slot(k)] += shiftS;
   }
 
   /**
@@ -126,6 +140,16 @@ export class PingRing {
   }
 
   /**
+   * @param {number} number
+   * @returns {number} index of the newest ping with this number, -1 when there is none
+   */
+  indexOfNumber(number) {
+    for (let index = this.length - 1; index >= 0; index--)
+      if (this.number[this.slot(index)] === number) return index;
+    return -1;
+  }
+
+  /**
    * The rows after `index` as pings of their own memory, taken out of the ring: room for what was missing between.
    * @param {number} index
    * @param {'A' | 'B'} channel
@@ -136,6 +160,8 @@ export class PingRing {
     for (let k = index + 1; k < this.length; k++) taken.push(this.read(this.slot(k), channel));
     this.length = index + 1;
     this.generation += 1;
+    const slot = this.slot(index);
+    this.clock.resume(this.arrivalS[slot], this.timeS[slot], this.periodS[slot]);
     return taken;
   }
 
@@ -152,7 +178,7 @@ export class PingRing {
       simulated: false,
       number: this.number[slot],
       timeUnixS: this.unixS[slot],
-      monotonicS: this.timeS[slot],
+      monotonicS: this.arrivalS[slot],
       firstSample: this.firstSample[slot],
       resolutionM: this.resolutionM[slot],
       decimation: this.decimation[slot],
@@ -184,9 +210,10 @@ export class PingRing {
   /**
    * @param {number} slot
    * @param {Ping} ping
+   * @param {number} timeS
    * @param {number} periodS
    */
-  write(slot, ping, periodS) {
+  write(slot, ping, timeS, periodS) {
     if (ping.samples.length > this.width && this.width < WIDEST) this.widen(ping.samples.length);
     const step = Math.ceil(ping.samples.length / this.width) || 1;
     const start = slot * this.width;
@@ -196,7 +223,8 @@ export class PingRing {
     this.firstSample[slot] = (ping.firstSample + (step - 1) / 2) / step;
     this.resolutionM[slot] = ping.resolutionM * step;
     this.gaps[slot] = step === 1 || !ping.gaps.length ? ping.gaps : reducedGaps(ping.gaps, step);
-    this.timeS[slot] = ping.monotonicS;
+    this.timeS[slot] = timeS;
+    this.arrivalS[slot] = ping.monotonicS;
     this.unixS[slot] = ping.timeUnixS;
     this.number[slot] = ping.number;
     this.decimation[slot] = ping.decimation;
@@ -218,33 +246,23 @@ export class PingRing {
     this.generation += 1;
     this.onWrite(-1);
   }
-
-  /** @param {number} intervalS */
-  observeInterval(intervalS) {
-    if (!Number.isFinite(intervalS)) return FIRST_GUESS_OF_PERIOD_S;
-    this.recentIntervals[this.intervalCount % PERIOD_WINDOW] = intervalS;
-    this.intervalCount += 1;
-    const used = Math.min(this.intervalCount, PERIOD_WINDOW);
-    const known = this.sortScratch.subarray(0, used);
-    known.set(this.recentIntervals.subarray(0, used));
-    known.sort();
-    return known[used >> 1];
-  }
 }
 
 /**
- * Median interval of the pings around one, s.
+ * Places of a page of pings in time, and their periods.
  * @param {Ping[]} pings
- * @param {number} at
  */
-function periodAround(pings, at) {
-  const from = Math.max(1, Math.min(at - (PERIOD_WINDOW >> 1), pings.length - PERIOD_WINDOW));
-  const to = Math.min(pings.length, from + PERIOD_WINDOW);
-  const intervals = [];
-  for (let k = from; k < to; k++) intervals.push(pings[k].monotonicS - pings[k - 1].monotonicS);
-  if (!intervals.length) return FIRST_GUESS_OF_PERIOD_S;
-  intervals.sort((a, b) => a - b);
-  return intervals[intervals.length >> 1];
+function placedTimes(pings) {
+  const clock = new PingClock();
+  const times = new Float64Array(pings.length);
+  const periods = new Float32Array(pings.length);
+  pings.forEach((ping, k) => {
+    times[k] = clock.place(ping.monotonicS);
+    periods[k] = clock.periodS;
+    const loss = clock.loss();
+    for (let j = k + 1 - (loss?.pings ?? 0); j <= k; j++) times[j] += loss?.shiftS ?? 0;
+  });
+  return { times, periods };
 }
 
 /**
