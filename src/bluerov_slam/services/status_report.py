@@ -95,7 +95,7 @@ class StatusReport:
         self._bytes.observe(counters.link.bytes_received, now_s)
         for channel, sonar in counters.sonars.items():
             self._pings[channel].observe(sonar.pings, now_s)
-        self._assess(now_s, counters)
+        self._take(self._assessed(now_s, counters))
         self._publish()
 
     def glance(self) -> None:
@@ -103,7 +103,7 @@ class StatusReport:
         now_s = self._link.source.now_s()
         self._glanced_s = now_s
         before = self._chip_states()
-        self._assess(now_s, self._link.counters)
+        self._take(self._assessed(now_s, self._link.counters))
         if self._chip_states() != before:
             self._publish()
 
@@ -116,12 +116,11 @@ class StatusReport:
         """The topic's object, now."""
         now_s = self._link.source.now_s()
         counters = self._link.counters
-        if not self._health.chips:
-            self._assess(now_s, counters)
+        health = self._health if self._health.chips else self._assessed(now_s, counters)
         mavlink = self._sources.mavlink()
         return {
-            "chips": [_chip(chip) for chip in self._health.chips],
-            "faults": [asdict(fault) for fault in self._health.faults],
+            "chips": [_chip(chip) for chip in health.chips],
+            "faults": [asdict(fault) for fault in health.faults],
             "link": self._link_json(counters),
             "sonars": {channel.value: self._sonar_json(channel, counters, now_s) for channel in Channel},
             "recorder": asdict(self._sources.recorder()),
@@ -139,7 +138,7 @@ class StatusReport:
             "source": self._link.source.kind,
         }
 
-    def _assess(self, now_s: float, counters: LinkDecoderCounters) -> None:
+    def _assessed(self, now_s: float, counters: LinkDecoderCounters) -> Health:
         facts = HealthFacts(
             link=self._link.source.facts(),
             recorder=self._sources.recorder(),
@@ -148,8 +147,11 @@ class StatusReport:
             wall_trusted=self._wall.is_trusted(),
             extension_version=__version__,
         )
-        self._health = self._monitor.assess(now_s, facts)
-        self._on_health(self._health)
+        return self._monitor.assess(now_s, facts)
+
+    def _take(self, health: Health) -> None:
+        self._health = health
+        self._on_health(health)
 
     def _chip_states(self) -> list[str]:
         return [chip.state for chip in self._health.chips]

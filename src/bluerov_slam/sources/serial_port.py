@@ -98,7 +98,7 @@ class SerialPort:
         self._sleep = sleep
         self._silent_after_s = silent_after_s
         self._detail = ""
-        self._waiting_for: str | None = None
+        self._waiting_for: str | None = self._awaited_port()
         self._candidate: PortCandidate | None = None
         self._last_good: Path | None = None
         self._passed_over: list[Path] = []
