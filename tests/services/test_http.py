@@ -230,6 +230,17 @@ async def test_a_bad_body_is_answered_with_the_reason(client, body, status, text
     assert text in json.loads(result[1])["error"]
 
 
+async def test_what_is_no_http_is_refused_without_a_traceback_in_the_log(client, caplog):
+    reader, writer = await asyncio.open_connection("127.0.0.1", client.server.port)
+    writer.write(b"GET / HTTP/9.9 and more\r\n\r\n")
+    assert b" 400 " in await reader.readline()
+    writer.close()
+    async with client.get("/api/broken") as response:
+        assert response.status == 500
+    told = [record.getMessage() for record in caplog.records if record.exc_info]
+    assert told == ["GET /api/broken failed"], "our own faults are told"
+
+
 async def test_a_client_that_dribbles_its_header_is_cut_off_and_others_are_served(web_folder):
     app = build_app(PAGE, ROUTES, guard=ChangeGuard(lambda: [], lambda: ""), metrics=bytes, web_folder=web_folder)
     async with serving(app, header_timeout_s=0.1) as session:

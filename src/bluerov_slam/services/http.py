@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 import orjson
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from bluerov_slam.errors import CommandError, ConfigError, ExpectedError, RecordingError
 from bluerov_slam.services.change_guard import ChangeGuard
@@ -174,7 +175,12 @@ class WebServer:
         self._silent: set[object] = set()  # connections that have not sent a whole request yet
         app.middlewares.insert(0, self._mark)
         self._runner = web.AppRunner(
-            app, access_log=None, handle_signals=False, keepalive_timeout=KEEP_ALIVE_S, shutdown_timeout=STOP_TIMEOUT_S
+            app,
+            logger=_server_log(),
+            access_log=None,
+            handle_signals=False,
+            keepalive_timeout=KEEP_ALIVE_S,
+            shutdown_timeout=STOP_TIMEOUT_S,
         )
         self._server: asyncio.Server | None = None
 
@@ -223,6 +229,20 @@ class WebServer:
     async def _mark(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         self._silent.discard(request.protocol)
         return await handler(request)
+
+
+class _OurFaultsOnly(logging.Filter):
+    """Without the tracebacks of what is no HTTP: it was answered with 400, and anybody can send a flood of it."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+
+
+def _server_log() -> logging.Logger:
+    log = logging.getLogger(f"{__name__}.server")
+    if not log.filters:
+        log.addFilter(_OurFaultsOnly())
+    return log
 
 
 class _Refusal(asyncio.Protocol):
