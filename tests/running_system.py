@@ -247,7 +247,7 @@ class Dive:
         await self.assert_healthy()
         await self.hang_up()
         await self.services.terminate()
-        assert self.services.complaints() == []
+        assert not self.services.complaints(), "\n".join(map(self.services.log, self.services.processes))
         records = self.services.records()
         recorded = [record.device_ms for record in records if isinstance(record, SensorSample)]
         first = recorded.index(self.ts[0])
