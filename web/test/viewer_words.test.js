@@ -25,6 +25,8 @@ const CONTACT = {
   longitude_deg: null,
 };
 
+const ALIVE = { ageS: 0.1, perS: 10, missed: 0, loss: { pings: 600, lost: 0, incomplete: 3 } };
+
 /** @type {import('../viewer/status.js').Facts} */
 const FACTS = {
   phase: 'open',
@@ -37,7 +39,7 @@ const FACTS = {
     },
   },
   statusAgeS: 0.5,
-  channels: { A: { ageS: 0.1, perS: 10, missed: 0 }, B: { ageS: 0.1, perS: 10, missed: 0 } },
+  channels: { A: ALIVE, B: ALIVE },
   malformed: 0,
 };
 
@@ -58,14 +60,14 @@ test('all is well: five chips, each with a place reserved before', () => {
 });
 
 test('every fault names its cause and its cure', () => {
-  const silent = { ageS: 12, perS: 10, missed: 0 };
+  const silent = { ...ALIVE, ageS: 12 };
   const faults = [
     chip({ phase: 'waiting' }, 'link'),
     chip({ coarse: true }, 'link'),
     chip({ malformed: 3 }, 'link'),
     chip({ channels: { A: silent, B: silent } }, 'sonar_a'),
     chip({ channels: { A: silent, B: silent } }, 'sonar_b'),
-    chip({ channels: { ...FACTS.channels, A: { ageS: 0, perS: 10, missed: 5 } } }, 'loss'),
+    chip({ channels: { ...FACTS.channels, A: { ...ALIVE, missed: 5 } } }, 'loss'),
     chip({ status: { ...FACTS.status, extension_link: false } }, 'extension'),
   ];
   for (const fault of faults) {
@@ -75,10 +77,20 @@ test('every fault names its cause and its cure', () => {
 });
 
 test('a sonar that answers but does not ping is told from one that is dead', () => {
-  const silent = { ageS: Infinity, perS: NaN, missed: 0 };
+  const silent = { ...ALIVE, ageS: Infinity, perS: NaN };
   const channels = { A: silent, B: silent };
   assert.match(String(chip({ channels }, 'sonar_a').cause), /answers/);
   assert.match(String(chip({ channels }, 'sonar_b').cure), /12 V/);
+});
+
+test('loss is lost and incomplete pings of both sides together', () => {
+  const bad = { ...ALIVE, loss: { pings: 90, lost: 10, incomplete: 0 } };
+  const good = { ...ALIVE, loss: { pings: 100, lost: 0, incomplete: 0 } };
+  assert.equal(chip({ channels: { A: bad, B: good } }, 'loss').text, '5.0 %');
+  assert.equal(chip({ channels: { A: bad, B: good } }, 'loss').state, 'warn');
+  assert.equal(chip({ channels: { A: good, B: good } }, 'loss').state, 'ok');
+  const none = { ...ALIVE, loss: { pings: 0, lost: 0, incomplete: 0 } };
+  assert.equal(chip({ channels: { A: none, B: none } }, 'loss').text, '-');
 });
 
 test('without a connection nothing is claimed about what lies behind it', () => {

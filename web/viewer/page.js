@@ -17,6 +17,7 @@ import { SonarPanel } from './panel_sonar.js';
 import { PointerControl } from './pointer.js';
 import { loadPreferences } from './preferences.js';
 import { measure } from './ranging.js';
+import { lossBetween } from './row_table.js';
 import { Readout } from './readout.js';
 import { saveSnapshot } from './snapshot.js';
 import { Stage } from './stage.js';
@@ -31,6 +32,7 @@ import { Transport } from './transport.js';
 
 const SLOW_MS = 500;
 const STALE_AFTER_S = 3;
+const LOSS_WINDOW_S = 60;
 const IDLE_AFTER_MS = 6000;
 const RATE_SMOOTHING = 0.1;
 const PANEL_TITLES = { picture: 'Picture', contacts: 'Contacts', sonar: 'Sonar settings' };
@@ -252,7 +254,9 @@ export class ViewerPage {
     const channels = /** @type {any} */ ({});
     for (const name of /** @type {const} */ (['A', 'B'])) {
       const { lastArrivalMs, missed } = this.feed.channels[name];
-      channels[name] = { ageS: (now - lastArrivalMs) / 1000, perS: this.perS[name], missed };
+      const ring = this.waterfall.live(name);
+      const loss = lossBetween(ring, ring.newestS - LOSS_WINDOW_S, ring.newestS);
+      channels[name] = { ageS: (now - lastArrivalMs) / 1000, perS: this.perS[name], missed, loss };
     }
     const { phase } = this.feed.connection.state;
     this.strip?.update(

@@ -63,6 +63,23 @@ function codeBetween(ring, above, timeS, base) {
   return above === 0 ? NOTHING : LOST;
 }
 
+/** @typedef {{pings: number, lost: number, incomplete: number}} Loss */
+
+/**
+ * How complete a stretch of time is.
+ * @param {PingRing} ring
+ * @param {number} fromS
+ * @param {number} toS
+ * @returns {Loss}
+ */
+export function lossBetween(ring, fromS, toS) {
+  const first = ring.lastAtOrBefore(fromS) + 1;
+  const last = ring.lastAtOrBefore(toS);
+  let incomplete = 0;
+  for (let index = first; index <= last; index++) if (ring.gaps[ring.slot(index)].length > 0) incomplete += 1;
+  return { pings: last - first + 1, lost: countLost(ring, fromS, toS), incomplete };
+}
+
 /**
  * Pings that should have come between the stored ones of a stretch of time, by their intervals.
  * @param {PingRing} ring

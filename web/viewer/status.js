@@ -11,11 +11,13 @@ import { age, fixed } from '../shared/format.js';
  * @property {boolean} coarse only the 200-bin stream could be reached
  * @property {any} status data of the status topic, null while unknown
  * @property {number} statusAgeS
- * @property {Record<'A' | 'B', {ageS: number, perS: number, missed: number}>} channels as this page receives them
+ * @property {Record<'A' | 'B', {ageS: number, perS: number, missed: number, loss: import('./row_table.js').Loss}>} channels
+ *   as this page receives them; the loss of the last minute
  * @property {number} malformed
  */
 
 const SILENT_AFTER_S = 3;
+const LOSS_ALLOWED_PERCENT = 2;
 
 /** The chips before anything is known: their places are reserved. */
 export const FIRST_CHIPS = /** @type {ChipData[]} */ (
@@ -96,23 +98,25 @@ function sonarChip({ phase, status, channels }, name) {
 /** @param {Facts} facts @returns {ChipData} */
 function lossChip({ phase, status, channels }) {
   const chip = { id: 'loss', label: 'Loss' };
-  if (phase !== 'open' || !status?.channels) return { ...chip, state: 'unknown', text: '-' };
-  const sides = ['A', 'B'].map((name) => status.channels[name] ?? {});
-  const incomplete = sides.reduce((sum, side) => sum + (side.incomplete ?? 0), 0);
-  const pings = sides.reduce((sum, side) => sum + (side.pings ?? 0), 0);
-  const missed = channels.A.missed + channels.B.missed;
-  const percent = pings > 0 ? (100 * incomplete) / pings : NaN;
-  const text = Number.isFinite(percent) ? `${fixed(percent, 1)} %` : '-';
-  const bad = percent > 2 || missed > 0;
-  const detail =
-    `${incomplete} of ${pings} pings came with missing parts; ` + `${missed} pings did not reach this page.`;
-  if (!bad) return { ...chip, state: pings > 0 ? 'ok' : 'unknown', text };
+  const sides = [channels.A, channels.B];
+  const sum = (/** @type {(side: Facts['channels']['A']) => number} */ of) => of(sides[0]) + of(sides[1]);
+  const pings = sum((side) => side.loss.pings);
+  const lost = sum((side) => side.loss.lost);
+  const incomplete = sum((side) => side.loss.incomplete);
+  const missed = sum((side) => side.missed);
+  if (phase !== 'open' || pings === 0) return { ...chip, state: 'unknown', text: '-' };
+  const percent = (100 * (lost + incomplete)) / (pings + lost);
+  const text = `${fixed(percent, 1)} %`;
+  if (percent <= LOSS_ALLOWED_PERCENT && missed === 0) return { ...chip, state: 'ok', text };
+  const total = ['A', 'B'].reduce((all, name) => all + (status?.channels?.[name]?.incomplete ?? 0), 0);
   return {
     ...chip,
     state: 'warn',
     text,
-    cause: detail,
-    cure: 'Lower the sample count or lengthen the period, or raise the USB link to 921600 baud on the dashboard.',
+    cause:
+      `In the last minute ${lost} pings did not come and ${incomplete} of ${pings} lack parts (since start: ${total}). ` +
+      `${missed} pings did not reach this page.`,
+    cure: 'Use fewer samples or a longer period, raise the USB link to 921600 baud on the dashboard, or improve the tether.',
   };
 }
 
