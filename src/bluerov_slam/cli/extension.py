@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from bluerov_slam.cli.service_options import parse_flags, service_options, start_logging
-from bluerov_slam.services.extension import Extension
 from bluerov_slam.services.settings_store import SettingsStore
 from bluerov_slam.services.supervisor import serve
 
@@ -24,4 +23,7 @@ def command(config: Path | None, flags: tuple[str, ...], log_level: str, simulat
 
 
 async def _serve(store: SettingsStore, simulated: bool) -> None:
+    # Imported only now, so that a wrong setting is told at once.
+    from bluerov_slam.services.extension import Extension
+
     await serve(Extension(store, simulated=simulated))
