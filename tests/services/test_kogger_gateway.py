@@ -220,6 +220,15 @@ async def test_with_the_switch_settings_pass_and_the_result_quotes_the_apps_own_
     assert changed == [0x12]
 
 
+@pytest.mark.parametrize("payload", ["ffff14000000", "e80300000000", "e803", ""])
+async def test_with_the_switch_an_impossible_setting_still_does_not_pass(gateway, sonar, sent, payload) -> None:
+    gateway.settings_allowed = True
+    gateway.take(build_frame(0x12, bytes.fromhex(payload), frame_type=2, route=1, response=True), TOPSIDE)
+    await settle()
+    assert sonar.heard == []
+    assert parse(sent[0][0])[0].payload[0] == 3
+
+
 async def test_with_the_switch_flash_boot_and_uart_still_never_pass(gateway, sonar, sent) -> None:
     gateway.settings_allowed = True
     for what in ("flash save v0", "boot reboot v0", "uart set baud 921600", "flash erase v2"):

@@ -23,6 +23,7 @@ from bluerov_slam.protocol.kogger import (
     ResultCode,
     build_frame,
     classify_udp_command,
+    parse_setting,
 )
 from bluerov_slam.protocol.kogger_commands import CONFIRM_KEY
 from bluerov_slam.records import Channel
@@ -266,6 +267,14 @@ class KoggerGateway:
         if len(self._tasks) >= SETTINGS_UNDER_WAY:
             self._refuse(frame, peer, "too many settings at once")
             return
+        try:
+            setting = parse_setting(frame)
+            if setting is None:
+                raise CommandError("not a setting this sonar has")
+            setting.check()
+        except CommandError as error:
+            self._refuse(frame, peer, str(error), ResultCode.PAYLOAD)
+            return
         task = asyncio.create_task(self._relay(frame, peer), name=f"kogger-app-setting-{self.channel}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -284,7 +293,7 @@ class KoggerGateway:
             self._result(frame, peer, code)
         self.on_setting(frame.frame_id)
 
-    def _refuse(self, frame: KoggerFrame, peer: _Peer, reason: str) -> None:
+    def _refuse(self, frame: KoggerFrame, peer: _Peer, reason: str, code: ResultCode = ResultCode.RUNTIME) -> None:
         if frame.frame_id in SETTING_IDS:
             self.counters.settings_refused += 1
         else:
@@ -294,7 +303,7 @@ class KoggerGateway:
             logger.warning(
                 "sonar %s: command %#04x from %s refused: %s", self.channel, frame.frame_id, peer.address[0], reason
             )
-        self._result(frame, peer, ResultCode.RUNTIME)
+        self._result(frame, peer, code)
 
     def _answer(self, frame: KoggerFrame, peer: _Peer, payload: bytes) -> None:
         self.counters.answered += 1

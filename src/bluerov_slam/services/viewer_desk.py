@@ -17,7 +17,8 @@ from bluerov_slam.services.viewer_channel import ViewerChannel
 from bluerov_slam.services.viewer_link_client import LinkFacts, ViewerLinkClient
 from bluerov_slam.services.viewer_outlets import ViewerOutlets
 
-FLUSH_INTERVAL_S = 0.05
+# Only pings whose end was lost wait for it.
+FLUSH_INTERVAL_S = 0.2
 STATUS_INTERVAL_S = 1.0
 CONTACT_RETRY_S = 30.0
 
