@@ -1,11 +1,9 @@
 import asyncio
 import contextlib
-import os
 import signal
 import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
@@ -14,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.recording_reader import open_recording
+from real_data import recording
 from running_system import diving, faults, free_ports
 
-DATA = Path(os.environ.get("BLUEROV_SLAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATIENCE_S = 30.0
 SUBMERGED = replace(SCENARIOS["survey"], samples=500, mission_start_s=60.0, uptime_s=100.0)
 AFLOAT = replace(SUBMERGED, mission_start_s=0.0)
@@ -174,9 +172,7 @@ async def test_under_water_no_position_is_sent_and_nothing_of_a_silent_sensor(tm
 
 @pytest.mark.data
 async def test_a_real_vehicle_log_becomes_records_and_is_recorded(tmp_path):
-    path = DATA / "bluerov2_ardusub_logs" / "surface_ugps_2023-05-04.tlog"
-    if not path.exists():
-        pytest.skip(f"needs the recording {path} (BLUEROV_SLAM_DATA)")
+    path = recording("bluerov2_ardusub_logs", "surface_ugps_2023-05-04.tlog")
     port = free_ports()["udp_a"]
     player = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "bluerov_slam", "simulate", "--tlog-only", "--tlog", str(path)),

@@ -1,9 +1,7 @@
 import asyncio
-import os
 import socket
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,8 +10,7 @@ from bluerov_slam.errors import LinkError
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
 from bluerov_slam.sinks.mavlink_transport import UdpTransport
 from bluerov_slam.sources.vehicle_log import LoggedFrame, read_vehicle_log
-
-DATA = Path(os.environ.get("BLUEROV_SLAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
+from real_data import recording
 
 FRAMES = [LoggedFrame(100.0 + 0.01 * number, bytes((0xFD, number))) for number in range(5)]
 
@@ -48,9 +45,7 @@ async def test_a_port_in_use_is_named() -> None:
 
 @pytest.mark.data
 async def test_a_real_log_feeds_the_receiving_side_of_the_bridge() -> None:
-    path = DATA / "bluerov2_ardusub_logs" / "surface_ugps_2023-05-04.tlog"
-    if not path.exists():
-        pytest.skip(f"needs the recording {path} (BLUEROV_SLAM_DATA)")
+    path = recording("bluerov2_ardusub_logs", "surface_ugps_2023-05-04.tlog")
     heard: set[str] = set()
     everything = asyncio.Event()
     wanted = {"HEARTBEAT", "ATTITUDE", "SERVO_OUTPUT_RAW", "BATTERY_STATUS"}

@@ -1,4 +1,3 @@
-import os
 from pathlib import Path
 
 import pytest
@@ -6,8 +5,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.sources.vehicle_log import parse_vehicle_log, read_vehicle_log
+from real_data import recording
 
-DATA = Path(os.environ.get("BLUEROV_SLAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
 START_US = 1_700_000_000_000_000
 
 
@@ -43,9 +42,7 @@ def test_a_file_without_frames_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.data
 def test_reads_a_real_ardusub_log() -> None:
-    path = DATA / "bluerov2_ardusub_logs" / "surface_ugps_2023-05-04.tlog"
-    if not path.exists():
-        pytest.skip(f"needs the recording {path} (BLUEROV_SLAM_DATA)")
+    path = recording("bluerov2_ardusub_logs", "surface_ugps_2023-05-04.tlog")
     frames = read_vehicle_log(path)
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True  # the camera manager of that vehicle used another dialect

@@ -1,4 +1,3 @@
-import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,16 +15,12 @@ from bluerov_slam.simulation.scene import RecordedScene, RecordedSurvey
 from bluerov_slam.simulation.sonar import PORT, STARBOARD
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.xtf import read_xtf
-
-DATA = Path(os.environ.get("BLUEROV_SLAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
-WRECK = DATA / "sss_iver2_wreck" / "scotsman-iver2.xtf"
+from real_data import recording
 
 
 @pytest.fixture(scope="module")
 def wreck_path() -> Path:
-    if not WRECK.exists():
-        pytest.skip(f"needs the recording {WRECK} (BLUEROV_SLAM_DATA)")
-    return WRECK
+    return recording("sss_iver2_wreck", "scotsman-iver2.xtf")
 
 
 @pytest.fixture(scope="module")
