@@ -87,7 +87,7 @@ class ViewerSettings(_Group):
     udp_port_a: Port = setting(14555, "sonar A: the viewer's own port, and the port of every forwarding target")
     udp_port_b: Port = setting(14556, "sonar B: the viewer's own port, and the port of every forwarding target")
     history_mb: int = setting(
-        64, "pings kept in memory for scrolling back; older ones come from the recording", unit="MB", ge=1, le=1024
+        512, "pings kept for scrolling back, in a scratch file of the state folder", unit="MB", ge=1, le=8192
     )
 
 

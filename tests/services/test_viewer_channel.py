@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from bluerov_slam.protocol.kogger import ChartSetup, KoggerFrameDecoder, build_frame
+from bluerov_slam.protocol.ping_stamp import PingStamp, pack_ping_stamp
 from bluerov_slam.records import Channel, Ping
 from bluerov_slam.services.kogger_gateway import KoggerGateway
 from bluerov_slam.services.sonar_session import SonarSession
@@ -10,6 +11,7 @@ from bluerov_slam.services.viewer_link_client import CommandResult
 
 EXTENSION = ("127.0.0.1", 50000)
 STRANGER = ("192.0.2.7", 14555)
+UNIX_OFFSET_S = 1.7e9
 
 
 class NoLink:
@@ -23,7 +25,10 @@ class Bench:
         self.pings: list[Ping] = []
         session = SonarSession(Channel.A, NoLink(), lambda: self.now_s)
         gateway = KoggerGateway(Channel.A, session, lambda data, address: None, lambda: self.now_s)
-        self.channel = ViewerChannel(Channel.A, session, gateway, self.pings.append, lambda: self.now_s)
+        self.times_unix_s: list[float] = []
+        self.channel = ViewerChannel(
+            Channel.A, session, gateway, self.take, lambda: self.now_s, lambda: self.now_s + UNIX_OFFSET_S
+        )
         self._count = 0
 
     def ping(self, size: int, first: int = 0) -> np.ndarray:
@@ -35,6 +40,10 @@ class Bench:
             self.send(chunk(start, samples[start : start + 200]))
             self.now_s += 0.001
         return samples
+
+    def take(self, ping: Ping, time_unix_s: float) -> None:
+        self.pings.append(ping)
+        self.times_unix_s.append(time_unix_s)
 
     def send(self, data: bytes) -> None:
         self.channel.take_datagram(data, EXTENSION)
@@ -173,3 +182,32 @@ def test_status_tells_rate_age_and_losses(bench) -> None:
     assert status["age_s"] == pytest.approx(1.0, abs=0.01)
     assert status["pings_per_s"] == pytest.approx(9.5, abs=0.6)
     assert status["packets"] == 101
+
+
+def stamped(measured_s: float, *frames: bytes, last: bool = True) -> bytes:
+    return pack_ping_stamp(PingStamp(measured_s, 1.8e9 + measured_s, last), 1) + b"".join(frames)
+
+
+def test_a_stamp_gives_time_and_end_of_a_ping_and_is_no_frame_of_the_sonar(bench) -> None:
+    samples = np.arange(1, 201, dtype=np.uint8)
+    bench.send(stamped(42.0, chunk(0, samples), chunk(200, samples)))
+    assert bench.sizes == [400]
+    assert bench.pings[0].measured_s == 42.0
+    assert bench.times_unix_s == [1.8e9 + 42.0]
+    assert bench.channel.status()["bb55"] == 2
+
+
+def test_a_stalled_host_neither_splits_nor_smears_stamped_pings(bench) -> None:
+    samples = np.arange(1, 201, dtype=np.uint8)
+    for number in range(8):
+        bench.send(stamped(number * 0.1, chunk(0, samples), last=False))
+        bench.now_s += 0.3 if number == 5 else 0.01  # three periods late in the middle of a ping
+        bench.send(stamped(number * 0.1, chunk(200, samples)))
+    assert bench.sizes == [400] * 8
+    assert np.allclose(np.diff([ping.measured_s for ping in bench.pings]), 0.1)
+
+
+def test_without_a_stamp_a_ping_counts_from_its_arrival(bench) -> None:
+    for _ in range(3):
+        bench.ping(200)
+    assert bench.times_unix_s[0] == UNIX_OFFSET_S + bench.pings[0].measured_s

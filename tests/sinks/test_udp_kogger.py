@@ -5,6 +5,7 @@ import pytest
 
 from bluerov_slam.protocol.checksums import kogger_mod255
 from bluerov_slam.protocol.kogger_frame import KoggerFrameDecoder, KoggerId, build_frame
+from bluerov_slam.protocol.ping_stamp import PingStamp, unpack_ping_stamp
 from bluerov_slam.records import Channel, SonarFrames
 from bluerov_slam.sinks.udp_kogger import DATAGRAM_BYTES, UdpKogger
 
@@ -197,3 +198,25 @@ async def test_targets_can_change_at_any_time(sink, peers):
     sink.take(frames(Channel.A, chart(200)))
     [frame] = parsed(await peers[Channel.A].datagram())
     assert frame.payload[0] == 200
+
+
+async def test_this_computers_viewer_learns_when_a_ping_was_measured_while_it_is_connected(peers):
+    wanted, resolved = [True], asyncio.Event()
+    sink = UdpKogger(
+        {channel: peer.port for channel, peer in peers.items()},
+        on_addresses=lambda addresses: resolved.set() if addresses else None,
+        stamps_wanted=lambda: wanted[0],
+        unix_s=lambda monotonic_s: 1.8e9 + monotonic_s,
+    )
+    sink.configure(["127.0.0.1"], ROUTES)
+    await resolved.wait()
+    sink.take(SonarFrames(Channel.B, 7.0, 7.1, (chart(0),), False))
+    sink.take(SonarFrames(Channel.B, 7.0, 7.2, (chart(200),), True))
+    stamp, *charts = KoggerFrameDecoder("mod256").feed(await peers[Channel.B].datagram())
+    assert unpack_ping_stamp(stamp) == PingStamp(7.0, 1.8e9 + 7.0, last_of_ping=True)
+    assert [frame.route for frame in (stamp, *charts)] == [2, 2, 2]
+    wanted[0] = False
+    sink.take(SonarFrames(Channel.B, 7.5, 7.5, (chart(0),), True))
+    (only,) = KoggerFrameDecoder("mod256").feed(await peers[Channel.B].datagram())
+    assert only.frame_id == KoggerId.CHART
+    await sink.stop()

@@ -84,6 +84,8 @@ class Extension:
         self.udp = UdpKogger(
             {Channel.A: settings.viewer.udp_port_a, Channel.B: settings.viewer.udp_port_b},
             on_addresses=lambda _addresses: self.viewer_link.tell_fed(),
+            stamps_wanted=lambda: self.viewer_link.viewers > 0,
+            unix_s=self.wall.unix_s,
         )
         self.hub.subscribe(self.udp.take, SonarFrames, name="UDP forwarding")
         self.mavlink = MavlinkBridge(mavlink_options(settings), self.hub.publish, source.now_s)

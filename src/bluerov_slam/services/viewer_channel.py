@@ -15,6 +15,7 @@ import numpy as np
 
 from bluerov_slam.protocol.kogger import ChecksumChoice, FrameType, KoggerFrame, KoggerFrameDecoder, KoggerId
 from bluerov_slam.protocol.ping_assembly import PingAssembler
+from bluerov_slam.protocol.ping_stamp import PingStamp, unpack_ping_stamp
 from bluerov_slam.records import Channel, Ping
 from bluerov_slam.services.kogger_gateway import KoggerGateway
 from bluerov_slam.services.sonar_session import ALIVE_S, SonarSession
@@ -94,15 +95,20 @@ class SampleCount:
 
 
 class ViewerChannel:
-    """Everything that happens at one of the two UDP ports. `on_ping` gets each ping as soon as it is complete."""
+    """Everything that happens at one of the two UDP ports.
+
+    `on_ping` gets each ping as soon as it is complete, with its UTC. Frames behind a stamp of the extension were
+    measured when it says; frames without one count from their arrival.
+    """
 
     def __init__(
         self,
         channel: Channel,
         session: SonarSession,
         gateway: KoggerGateway,
-        on_ping: Callable[[Ping], None],
+        on_ping: Callable[[Ping, float], None],
         now_s: Callable[[], float] = time.monotonic,
+        unix_s: Callable[[], float] = time.time,
         checksum: ChecksumChoice = "auto",
         expected_samples: int | None = None,
     ) -> None:
@@ -113,6 +119,8 @@ class ViewerChannel:
         self.on_restart: Callable[[], None] = lambda: None
         self._on_ping = on_ping
         self._now_s = now_s
+        self._unix_s = unix_s
+        self._unix_offset_s = unix_s() - now_s()
         self._decoder = KoggerFrameDecoder(checksum)
         self._assembler = PingAssembler(channel, expected_samples)
         self._sample_count = SampleCount(self._assembler)
@@ -177,12 +185,15 @@ class ViewerChannel:
         now_s = self._now_s()
         self.counters.packets += 1
         self.counters.bytes_received += len(data)
-        frames = self._decoder.feed(data)
+        stamp, frames = _split_stamp(self._decoder.feed(data))
         self.counters.frames += len(frames)
-        for frame in frames:
+        measured_s = stamp.measured_s if stamp else now_s
+        self._unix_offset_s = (stamp.unix_s if stamp else self._unix_s()) - measured_s
+        for index, frame in enumerate(frames, 1):
             if frame.frame_type == FrameType.CONTENT:
                 self._note_mark(frame)
-                self._show(self._assembler.feed(frame, now_s, now_s))
+                ends_ping = stamp is not None and stamp.last_of_ping and index == len(frames)
+                self._show(self._assembler.feed(frame, measured_s, now_s, last_of_ping=ends_ping))
         self.gateway.share(frames)
 
     def _note_mark(self, frame: KoggerFrame) -> None:
@@ -195,7 +206,12 @@ class ViewerChannel:
             self._last_ping = ping = self._sample_count.check(ping)
             self.counters.pings += ping.sub_channel == 0
             self._ping_times_s.append(self._now_s())
-            self._on_ping(ping)
+            self._on_ping(ping, ping.measured_s + self._unix_offset_s)
+
+
+def _split_stamp(frames: list[KoggerFrame]) -> tuple[PingStamp | None, list[KoggerFrame]]:
+    stamp = unpack_ping_stamp(frames[0]) if frames else None
+    return stamp, frames[1:] if stamp else frames
 
 
 def _is_tail_missing(ping: Ping) -> bool:

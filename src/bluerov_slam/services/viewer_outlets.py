@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -32,9 +31,8 @@ class ViewerOutlets:
         """How many pages and programs are connected."""
         return self.pings.clients + self.waterfall.clients
 
-    def show(self, ping: Ping) -> None:
+    def show(self, ping: Ping, time_unix_s: float) -> None:
         """Send one ping to everybody who wants it, and keep it."""
-        time_unix_s = time.time() - (time.monotonic() - ping.measured_s)
         packed = pack_ping(ping, time_unix_s, simulated=self.simulated)
         self.pings.publish_binary(ping.channel.value, packed)
         # The seed's JSON knows no sub-channels.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import ipaddress
 import logging
 import os
 import socket
@@ -15,6 +16,7 @@ from typing import Final
 
 from bluerov_slam.protocol.checksums import kogger_mod255
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, FrameType, KoggerId, reroute
+from bluerov_slam.protocol.ping_stamp import PingStamp, pack_ping_stamp
 from bluerov_slam.records import Channel, SonarFrames
 
 _log = logging.getLogger(__name__)
@@ -49,6 +51,7 @@ class _Outlet:
         self.counters = ForwardingCounters(target, channel)
         self.seed_checksum = seed_checksum
         self.address: str | None = None
+        self.is_local = False
         self._socket: socket.socket | None = None
         self._broken_until_s = 0.0
         self._failed_s = 0.0
@@ -57,6 +60,7 @@ class _Outlet:
         """Aim at a resolved address."""
         self.close()
         self.address = str(address[0])
+        self.is_local = ipaddress.ip_address(self.address).is_loopback
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -105,13 +109,19 @@ class _Outlet:
 
 
 class UdpKogger:
-    """Forwards SonarFrames to every target: A to `ports[A]`, B to `ports[B]`, each with its own ROUTE."""
+    """Forwards SonarFrames to every target: A to `ports[A]`, B to `ports[B]`, each with its own ROUTE.
+
+    While `stamps_wanted` says so, this computer's own target also learns when each ping was measured; `unix_s` gives
+    the UTC of a monotonic instant.
+    """
 
     def __init__(
         self,
         ports: Mapping[Channel, int],
         *,
         on_addresses: Callable[[Sequence[str]], None] = lambda _addresses: None,
+        stamps_wanted: Callable[[], bool] = lambda: False,
+        unix_s: Callable[[float], float] = lambda monotonic_s: monotonic_s,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.refused_chunks = 0
@@ -119,8 +129,11 @@ class UdpKogger:
         self._routes = {Channel.A: 1, Channel.B: 2}
         self._outlets: dict[Channel, list[_Outlet]] = {Channel.A: [], Channel.B: []}
         self._pending: dict[Channel, list[bytes]] = {Channel.A: [], Channel.B: []}
+        self._measured_s = {Channel.A: 0.0, Channel.B: 0.0}
         self._timers: dict[Channel, asyncio.TimerHandle] = {}
         self._on_addresses = on_addresses
+        self._stamps_wanted = stamps_wanted
+        self._unix_s = unix_s
         self._clock = clock
         self._resolver: asyncio.Task[None] | None = None
 
@@ -159,14 +172,16 @@ class UdpKogger:
             if size and (size + len(frame) > DATAGRAM_BYTES or _begins_ping(frame)):
                 self.flush(channel)
                 size = 0
+            if not size:
+                self._measured_s[channel] = record.measured_s
             pending.append(frame)
             size += len(frame)
         if record.last_of_ping is False:
             self._flush_later(channel)
         else:
-            self.flush(channel)
+            self.flush(channel, last_of_ping=record.last_of_ping is True)
 
-    def flush(self, channel: Channel) -> None:
+    def flush(self, channel: Channel, *, last_of_ping: bool = False) -> None:
         """Send what waits."""
         timer = self._timers.pop(channel, None)
         if timer is not None:
@@ -179,9 +194,13 @@ class UdpKogger:
         route = self._routes[channel]
         routed = [reroute(frame, route) if frame.startswith(KOGGER_SYNC) else frame for frame in frames]
         datagram = b"".join(routed)
+        stamp = self._stamp(channel, last_of_ping) if self._stamps_wanted() else b""
         now_s = self._clock()
         for outlet in outlets:
-            outlet.send(_with_seed_checksum(routed) if outlet.seed_checksum else datagram, len(routed), now_s)
+            if outlet.seed_checksum:
+                outlet.send(_with_seed_checksum(routed), len(routed), now_s)
+            else:
+                outlet.send(stamp + datagram if outlet.is_local else datagram, len(routed), now_s)
         frames.clear()
 
     async def stop(self) -> None:
@@ -194,6 +213,10 @@ class UdpKogger:
                 await self._resolver
             self._resolver = None
         self._close_outlets()
+
+    def _stamp(self, channel: Channel, last_of_ping: bool) -> bytes:
+        measured_s = self._measured_s[channel]
+        return pack_ping_stamp(PingStamp(measured_s, self._unix_s(measured_s), last_of_ping), self._routes[channel])
 
     def _flush_later(self, channel: Channel) -> None:
         if self._pending[channel] and channel not in self._timers:
