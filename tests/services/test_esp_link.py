@@ -157,8 +157,8 @@ async def test_what_is_sent_down_is_published_for_the_recording(link, source, hu
 async def test_raw_bytes_are_published_before_the_records_they_hold(link, source, hub):
     seen = collect(hub, LinkBytes, CommandAck)
     data = encode_frame(MessageType.COMMAND_ACK, pack_command_ack(CommandAckFields(0x22, 1, AckResult.OK)))
-    assert source.on_data(data[:4], 1.0) > 0
-    assert source.on_data(data[4:], 2.0) == 0
+    source.on_data(data[:4], 1.0)
+    source.on_data(data[4:], 2.0)
     assert [type(record).__name__ for record in seen] == ["LinkBytes", "LinkBytes", "CommandAck"]
 
 

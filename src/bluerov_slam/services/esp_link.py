@@ -31,6 +31,7 @@ from bluerov_slam.records import (
     Record,
 )
 from bluerov_slam.services.channel_swap import other, swapped, swapped_counters
+from bluerov_slam.services.frame_watch import FrameWatch
 from bluerov_slam.services.hub import Hub
 
 _log = logging.getLogger(__name__)
@@ -118,6 +119,10 @@ class EspLink:
         self._sync_tries = 0
         self._sync_sent_us = 0
         self._sync_due_s = 0.0
+        # Blocks of a replay are decoded as they come: nobody is woken for them.
+        self._holds = source.kind == "serial"
+        self._watch = FrameWatch()
+        self._held: tuple[bytes, float] | None = None
         hub.subscribe(self._on_ack, CommandAck, name="command acknowledgements")
         hub.subscribe(self._on_status, DeviceStatus, name="time synchronisation")
 
@@ -146,6 +151,7 @@ class EspLink:
         await self.source.stop()
         for waiting in self._waiting.values():
             waiting.cancel()
+        self._decode_held()
         self._publish_all(self._decoder.finish())
 
     def tick(self, now_s: float) -> None:
@@ -199,9 +205,25 @@ class EspLink:
         return True
 
     def _on_data(self, data: bytes, arrived_s: float) -> int:
+        """Bytes of one read; none when the source paused for more and nothing came."""
+        if data and not self._held and self._holds:
+            wait = self._watch.bytes_to_wait(data)
+            if wait:
+                self._held = (data, arrived_s)
+                return wait
+        self._decode_held()
+        return self._decode(data, arrived_s) if data else 0
+
+    def _decode_held(self) -> None:
+        if self._held:
+            held, self._held = self._held, None
+            self._decode(*held)
+
+    def _decode(self, data: bytes, arrived_s: float) -> int:
         self._hub.publish(LinkBytes(data, arrived_s))
         self._publish_all(self._decoder.feed(data, arrived_s))
-        return self._decoder.bytes_wanted
+        wanted = self._decoder.bytes_wanted
+        return self._watch.decoded(data, wanted) if self._holds else wanted
 
     def _publish_all(self, records: list[Record]) -> None:
         publish = self._hub.publish

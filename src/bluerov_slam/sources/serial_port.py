@@ -73,7 +73,8 @@ class SerialPort:
     """A link source (docs/interfaces.md section 1): keeps one serial port open and says what it waits for.
 
     After each read the callback tells how many bytes complete the frame under way; reading pauses for about as long
-    as they take at this baud rate, so that a busy link costs about one wake-up a frame.
+    as they take at this baud rate, so that a busy link costs about one wake-up a frame. When they do not come the
+    callback is told so by empty data.
     """
 
     kind = "serial"
@@ -242,6 +243,7 @@ class SerialPort:
         try:
             data = os.read(descriptor, READ_BYTES)
         except BlockingIOError:
+            self._on_data(b"", time.monotonic())
             self._arm(descriptor)
             return
         except OSError as error:
