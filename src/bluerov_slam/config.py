@@ -50,11 +50,12 @@ class SerialSettings(_Group):
     port: str = setting(
         "auto",
         "'auto' looks in /dev/serial/by-id, then by-path, then for ttyUSB, ttyACM and ttyAMA0; or the path of a port",
+        live=True,
         min_length=1,
         max_length=255,
     )
     baud: Literal[115200, 921600] = setting(
-        115200, "must be what the firmware uses; the seed's firmware uses 115200", unit="baud"
+        115200, "must be what the firmware uses; the seed's firmware uses 115200", unit="baud", live=True
     )
 
 

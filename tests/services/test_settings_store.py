@@ -82,8 +82,8 @@ def test_the_state_folder_cannot_be_changed_from_inside_it(open_store):
 
 def test_the_listing_says_what_waits_for_a_restart(open_store):
     store = open_store()
-    store.change({"serial.baud": 921600, "sonar.mirror": True})
-    assert listed(store, "serial.baud")["pending"] is True
+    store.change({"viewer.history_mb": 32, "sonar.mirror": True})
+    assert listed(store, "viewer.history_mb")["pending"] is True
     assert listed(store, "sonar.mirror")["pending"] is False
     entry = listed(store, "recording.max_file_mb")
     assert (entry["minimum"], entry["maximum"], entry["unit"], entry["default"]) == (1, 4096, "MB", 256)

@@ -290,3 +290,18 @@ def test_by_path_and_acm_are_searched_after_the_stable_names(devices):
     assert found == ["platform-usb-0:1.3", "ttyACM0", "ttyAMA0"]
     for board in boards:
         board.unplug()
+
+
+async def test_another_port_can_be_chosen_while_it_runs(devices, start):
+    first, second = Board(), Board()
+    plug(devices, first, by_id=None, node="ttyUSB0")
+    plug(devices, second, by_id=None, node="ttyUSB1")
+    reader = start(devices / "ttyUSB0")
+    await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
+    reader.port.aim(str(devices / "ttyUSB1"), 921600)
+    await reader.until(lambda: reader.port.facts().port == second.node)
+    second.say(b"here")
+    await reader.until(lambda: bytes(reader.data) == b"here")
+    assert reader.port.facts().baud == 921600
+    first.unplug()
+    second.unplug()

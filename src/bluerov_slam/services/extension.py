@@ -155,6 +155,8 @@ class Extension:
         if changed:
             self.tell(EventLevel.INFO, f"settings changed: {', '.join(sorted(changed))}")
         self.link.swap = settings.sonar.swap_a_b
+        if isinstance(self.link.source, SerialPort) and "serial" in groups:
+            self.link.source.aim(settings.serial.port, settings.serial.baud)
         if "forwarding" in groups:
             self._aim_forwarding()
         if "mavlink" in groups:

@@ -63,10 +63,15 @@ class SensorFeed:
         hub.subscribe(self._on_motion, VehicleMotionDelta, name="sensor feed")
 
     def latest(self) -> dict[str, Any]:
-        """The newest frame in the seed's JSON; before the first one every value is null and nothing is alive."""
+        """The newest frame in the seed's JSON; nothing is alive in an old one, and before the first all is null."""
         if self.sample is None:
             return {**sensor_json(_NOTHING_YET, False, False), "ts": None}
-        return self._seed_json(self.sample)
+        latest = self._seed_json(self.sample)
+        if self._now_s() - self.sample.arrived_s > FRESH_S:  # the link is down: what was, not what is
+            for part in latest.values():
+                if isinstance(part, dict):
+                    part.update({flag: False for flag in ("alive", "ok") if flag in part})
+        return latest
 
     def ctd_json(self) -> dict[str, Any]:
         """What GET /api/ctd answers."""

@@ -133,6 +133,16 @@ class SerialPort:
             self._task = None
         self._close()
 
+    def aim(self, port: str, baud: int) -> None:
+        """Use another port or speed from now on."""
+        if (port, baud) == (self._port, self._baud):
+            return
+        self._port, self._baud = port, baud
+        self._last_good = None
+        self._passed_over.clear()
+        if self._descriptor is not None:
+            self._lose("another port or speed was chosen")
+
     def send(self, data: bytes) -> bool:
         """Write one whole frame without waiting; False when there is no link or it takes nothing more."""
         if self._descriptor is None or len(self._outgoing) + len(data) > OUTGOING_LIMIT_BYTES:
