@@ -20,21 +20,30 @@ export class DepthGauge extends Instrument {
   constructor(canvas) {
     super(canvas, ['--sunken', '--line', '--dim', '--plot-depth', '--text', '--sky']);
     this.depth = this.follow(false, 0.002);
-    this.deepestM = 0;
+    /** @type {number | null} */
+    this.deepestM = null;
   }
 
   /** @param {number | null} depthM */
   show(depthM) {
     if (depthM === this.depth.target) return;
     this.depth.aim(depthM);
-    if (depthM !== null) this.deepestM = Math.max(this.deepestM, depthM);
+    this.remember(depthM);
     wake(this);
+  }
+
+  /**
+   * A depth of this dive, now or earlier.
+   * @param {number | null} depthM
+   */
+  remember(depthM) {
+    if (depthM !== null) this.deepestM = Math.max(this.deepestM ?? depthM, depthM);
   }
 
   draw() {
     const { context: c, width: w, height: h } = this;
     const [sunken, line, dim, accent, text, water] = this.colors;
-    const scale = fullScale(shownValue(this.deepestM, 'm'));
+    const scale = fullScale(shownValue(this.deepestM, 'm') ?? 0);
     const top = this.fontPx * 0.7;
     const bottom = h - this.fontPx * 0.7;
     const labels = this.fontPx * 3.3;
@@ -63,7 +72,7 @@ export class DepthGauge extends Instrument {
       if (i % 5 === 0) c.fillText(String((scale * i) / 10), labels - 6, markY);
     }
     if (this.depth.target !== null)
-      this.drawVehicle(y(this.depth.shown), y(this.deepestM), labels, accent, text);
+      this.drawVehicle(y(this.depth.shown), y(this.deepestM ?? 0), labels, accent, text);
   }
 
   /**

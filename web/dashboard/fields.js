@@ -10,6 +10,7 @@ import { isKnown } from '../shared/format.js';
  * @property {string} label
  * @property {string} unit
  * @property {number} decimals
+ * @property {number} [width]  usual characters: the place kept, so that the unit stands still
  * @property {(data: Data, extra: Data) => unknown} read
  * @property {string} [hint]
  */
@@ -58,9 +59,27 @@ export function fixWord(data, extra) {
 
 /** @type {Field[]} */
 export const FIELDS = [
-  { key: 'roll', label: 'Roll', unit: '\u00b0', decimals: 1, read: (d) => angle(trusted(d.imu, 'r')) },
-  { key: 'pitch', label: 'Pitch', unit: '\u00b0', decimals: 1, read: (d) => angle(trusted(d.imu, 'p')) },
-  { key: 'heading', label: 'Heading', unit: '\u00b0', decimals: 0, read: (d) => angle(trusted(d.imu, 'y')) },
+  {
+    key: 'roll',
+    label: 'Roll',
+    unit: '',
+    decimals: 1,
+    read: (d) => angle(trusted(d.imu, 'r')),
+  },
+  {
+    key: 'pitch',
+    label: 'Pitch',
+    unit: '',
+    decimals: 1,
+    read: (d) => angle(trusted(d.imu, 'p')),
+  },
+  {
+    key: 'heading',
+    label: 'Heading',
+    unit: '',
+    decimals: 0,
+    read: (d) => angle(trusted(d.imu, 'y')),
+  },
   {
     key: 'depth',
     label: 'Depth',
@@ -73,6 +92,7 @@ export const FIELDS = [
     label: 'Temperature',
     unit: '\u00b0C',
     decimals: 2,
+    width: 4.45,
     hint: 'TSYS01',
     read: (d) => trusted(d.celsius, 'temp'),
   },
@@ -81,6 +101,7 @@ export const FIELDS = [
     label: 'Salinity',
     unit: 'PSU',
     decimals: 2,
+    width: 4.45,
     hint: 'PSS-78 from conductivity, temperature and pressure',
     read: (d, x) => x.salinity_psu ?? d.ctd?.s,
   },
@@ -89,6 +110,7 @@ export const FIELDS = [
     label: 'Sound speed',
     unit: 'm/s',
     decimals: 1,
+    width: 5.45,
     read: (d, x) => x.sound_speed_mps ?? d.ctd?.sv,
   },
   {
@@ -96,6 +118,7 @@ export const FIELDS = [
     label: 'Conductivity',
     unit: '\u00b5S/cm',
     decimals: 0,
+    width: 5.35,
     hint: 'EZO EC',
     read: (d, x) => (d.ec?.alive === false ? null : (x.conductivity_us ?? d.ec?.conductivity)),
   },
@@ -104,14 +127,16 @@ export const FIELDS = [
     label: 'Pressure',
     unit: 'mbar',
     decimals: 1,
+    width: 5.45,
     hint: 'absolute, MS5837',
     read: (d) => trusted(d.depth, 'press'),
   },
   {
     key: 'sensorSalinity',
-    label: 'Salinity of the EZO',
+    label: 'EZO salinity',
     unit: 'PSU',
     decimals: 2,
+    width: 4.45,
     hint: "the sensor's own figure, not used in computations",
     read: (d) => trusted(d.ec, 'salinity'),
   },
@@ -142,6 +167,7 @@ export const FIELDS = [
     label: 'Altitude',
     unit: 'm',
     decimals: 1,
+    width: 4.45,
     read: (d, x) => (hasFix(d, x) ? d.gps.alt : null),
   },
 ];

@@ -11,10 +11,14 @@ import { DepthProfile } from './depth_profile.js';
 import { DepthRate } from './depth_rate.js';
 import { fixWord } from './fields.js';
 import { History } from './history.js';
-import { GPS_CELLS, LINK_ITEMS, SCIENCE_CELLS, SONAR_ROWS } from './live_layout.js';
 import {
+  GPS_CELLS,
+  LINK_ITEMS,
+  SCIENCE_CELLS,
+  SONAR_ROWS,
   cards,
   cellList,
+  degrees,
   headingTexts,
   hero,
   instrumentCanvas,
@@ -40,7 +44,9 @@ export class LivePage {
     this.profile = new DepthProfile();
     this.rate = new DepthRate();
     this.row = new Array(QUANTITIES.length);
-    this.cells = [new ValueCell('roll', (v) => signed(v, 1)), new ValueCell('pitch', (v) => signed(v, 1))];
+    /** @type {(() => void) | null} what waits for the first sample */
+    this.beforeFirst = null;
+    this.cells = [new ValueCell('roll', (v) => degrees(v)), new ValueCell('pitch', (v) => degrees(v))];
     this.buildInstruments();
     this.buildPanels();
     this.plots = new TimePlots(this.cards.plots, this.history, model);
@@ -59,7 +65,7 @@ export class LivePage {
     this.cards.attitude.add(horizon, cellList(...this.cells));
     const card = instrumentCanvas('Compass');
     this.compass = new Compass(card);
-    this.heading = hero('\u00b0');
+    this.heading = hero('\u00b0', 3);
     this.point = make('span', { class: 'point' });
     this.cards.heading.head.insertBefore(
       make('span', { class: 'hint', text: 'magnetic' }),
@@ -75,10 +81,12 @@ export class LivePage {
     );
     const column = instrumentCanvas('Depth gauge');
     this.gauge = new DepthGauge(column);
-    this.depth = hero('m');
+    this.depth = hero('m', 3.45);
     this.rateNumber = make('span', { class: 'number', text: '-' });
     this.rateWord = make('span', { class: 'rate-word' });
     this.deepest = make('span', { class: 'number', text: '-' });
+    this.rateNumber.style.minWidth = '4.75ch';
+    this.deepest.style.minWidth = '3.45ch';
     const small = (/** @type {string} */ label, /** @type {Node[]} */ ...nodes) =>
       make('div', { class: 'cell' }, make('dt', { text: label }), make('dd', {}, ...nodes));
     this.rateUnit = make('span', { class: 'unit', text: 'm/s' });
@@ -136,6 +144,8 @@ export class LivePage {
   /** @param {number} nowMs */
   onSensors(nowMs) {
     const { model } = this;
+    this.beforeFirst?.();
+    this.beforeFirst = null;
     const value = (/** @type {string} */ key) => model.reading(key).value;
     this.rate.add(model.sensors?.ts, value('depth'));
     this.profile.add(value('depth'), value('temperature'), value('soundSpeed'));
@@ -162,10 +172,7 @@ export class LivePage {
       rateWord,
       rate === null || Math.abs(rate) < 0.03 ? '' : rate > 0 ? '\u25bc sinking' : '\u25b2 rising',
     );
-    setText(
-      deepest,
-      this.gauge && this.profile.deepest >= 0 ? fixed(shownValue(this.gauge.deepestM, 'm'), 2) : '-',
-    );
+    setText(deepest, fixed(shownValue(this.gauge?.deepestM, 'm'), 2));
     const word = fixWord(model.sensors, model.extra);
     setText(fix, word);
     setAttribute(fix, 'data-fix', word === 'No fix' ? 'none' : word.endsWith('ix') ? 'yes' : 'unknown');

@@ -3,13 +3,21 @@
 
 import { make } from '../shared/dom.js';
 import { shownValue } from '../shared/display.js';
-import { bytes, compassPoint, count, fixed, geodetic, heading } from '../shared/format.js';
+import { UNKNOWN, bytes, compassPoint, count, fixed, geodetic, heading, signed } from '../shared/format.js';
 import { Card } from './card.js';
 import { ValueCell } from './value_cell.js';
 
 /** @param {ValueCell[]} cells */
 export function cellList(...cells) {
   return make('dl', { class: 'cells' }, ...cells.map((cell) => cell.root));
+}
+
+/**
+ * A signed angle; its sign of degrees stands with the number, so that it comes and goes with it.
+ * @param {number | null} value
+ */
+export function degrees(value) {
+  return value === null ? UNKNOWN : `${signed(value, 1)}\u00b0`;
 }
 
 /** @param {string} label */
@@ -20,9 +28,11 @@ export function instrumentCanvas(label) {
 /**
  * A big number that belongs to an instrument.
  * @param {string} unit
+ * @param {number} width  usual characters
  */
-export function hero(unit) {
+export function hero(unit, width) {
   const number = make('span', { class: 'number', text: '-' });
+  number.style.minWidth = `${width}ch`;
   const unitText = make('span', { class: 'unit', text: unit });
   return { number, unit: unitText, root: make('p', { class: 'hero' }, number, unitText) };
 }

@@ -32,7 +32,7 @@ const REFRESH_MS = 250;
 /** Status comes each second: three missed are a silence. */
 const STATUS_STALE_S = STALE_S + 1.5;
 /** Before this, no word is no fault yet. */
-const FIRST_WAIT_MS = 6000;
+const FIRST_WAIT_MS = 4000;
 
 const model = new Model();
 const strip = new StatusStrip(byId('strip', HTMLElement), unknownChips(CHIPS));

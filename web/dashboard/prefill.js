@@ -2,6 +2,7 @@
 // A page opened in mid-dive begins with the last minutes of the running recording instead of empty plots.
 
 import { call } from '../shared/api.js';
+import { isKnown } from '../shared/format.js';
 import { readFields } from './fields.js';
 import { QUANTITIES } from './time_plots.js';
 
@@ -49,7 +50,18 @@ export async function prefill(model, live) {
   } catch {
     return;
   }
-  giveRows(rows, model, live);
+  if (model.sensors) giveRows(rows, model, live);
+  else live.beforeFirst = () => giveRows(rows, model, live);
+}
+
+/**
+ * From the log's time, which is that of measurement, to the page's, which is that of arrival: so that the log's last
+ * sample joins the first one seen here.
+ * @param {import('./model.js').Model} model
+ */
+export function steadyMinusLogS(model) {
+  const measured = model.extra.measured_unix_s;
+  return isKnown(measured) ? model.sensorsAtMs / 1000 - measured : -model.unixAt(0);
 }
 
 /**
@@ -62,12 +74,13 @@ function giveRows(rows, model, live) {
     [...model.readings.keys()].map((key) => [key, { value: /** @type {number | null} */ (null), atMs: NaN }]),
   );
   const value = (/** @type {string} */ key) => readings.get(key)?.value ?? null;
-  const unixOfZeroS = model.unixAt(0);
+  const offsetS = steadyMinusLogS(model);
   /** @type {Array<[number, (number | null)[]]>} */
   const history = [];
   for (const { unixS, data } of rows) {
     readFields(readings, data, data.extra ?? {}, 0);
-    history.push([unixS - unixOfZeroS, QUANTITIES.map((quantity) => value(quantity.key))]);
+    history.push([unixS + offsetS, QUANTITIES.map((quantity) => value(quantity.key))]);
+    live.gauge?.remember(value('depth'));
     live.profile.add(value('depth'), value('temperature'), value('soundSpeed'));
   }
   live.history.prepend(history);

@@ -4,7 +4,7 @@
 import { make, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
 import { colors, onThemeChange } from '../shared/theme.js';
-import { MISSING, axisColors, loadUPlot, plainMarks, plotFont, remPx } from './uplot.js';
+import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './uplot.js';
 import { roomyRange } from './time_plots.js';
 
 const SHORTEST_MS = 1000;
@@ -70,6 +70,9 @@ export class ProfilePlot {
       points: { show: false },
       spanGaps: true,
     });
+    const depth = honestScale((_, deepest) => depthRange(deepest));
+    const temperature = honestScale((low, high) => roomyRange(low, high, 0.5));
+    const sound = honestScale((low, high) => roomyRange(low, high, 2));
     return {
       width: 200,
       height: 300,
@@ -77,20 +80,15 @@ export class ProfilePlot {
       padding: [4, rem * 0.75, 4, 0],
       cursor: { drag: { x: false, y: false } },
       scales: {
-        x: {
-          time: false,
-          ori: 1,
-          dir: -1,
-          range: (_, __, deepest) => depthRange(deepest),
-        },
-        t: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 0.5) },
-        c: { ori: 0, dir: 1, range: (_, low, high) => roomyRange(low, high, 2) },
+        x: { time: false, ori: 1, dir: -1, range: depth.range },
+        t: { ori: 0, dir: 1, range: temperature.range },
+        c: { ori: 0, dir: 1, range: sound.range },
       },
       series: [{}, line('t', '--plot-temperature'), line('c', '--plot-sound')],
       axes: [
         {
           ...axisColors,
-          values: plainMarks,
+          values: depth.values,
           scale: 'x',
           side: 3,
           font: plotFont(),
@@ -99,7 +97,7 @@ export class ProfilePlot {
         },
         {
           ...axisColors,
-          values: plainMarks,
+          values: temperature.values,
           scale: 't',
           side: 2,
           font: plotFont(),
@@ -109,7 +107,7 @@ export class ProfilePlot {
         },
         {
           ...axisColors,
-          values: plainMarks,
+          values: sound.values,
           scale: 'c',
           side: 0,
           font: plotFont(),

@@ -7,7 +7,7 @@ import { clockTime, dateTime, fixed } from '../shared/format.js';
 import { colors, onThemeChange } from '../shared/theme.js';
 import { csvOfSpan, fileStamp, pngOfPlots } from './plot_export.js';
 import { timeSplits } from './time_axis.js';
-import { MISSING, axisColors, loadUPlot, plainMarks, plotFont, remPx } from './uplot.js';
+import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './uplot.js';
 
 /** @typedef {import('./uplot.js').UPlot} UPlot */
 
@@ -158,11 +158,12 @@ export class TimePlots {
    */
   options(quantity, index, showsTime) {
     const rem = remPx();
+    const { range, values } = honestScale((low, high) => roomyRange(low, high, quantity.least));
     return {
       width: 300,
       height: 100,
       legend: { show: false },
-      padding: [6, rem * 0.5, showsTime ? 0 : 4, 0],
+      padding: [6, rem * 1.75, showsTime ? 0 : 4, 0],
       cursor: {
         sync: { key: 'live', scales: ['x', null] },
         drag: { x: false, y: false },
@@ -170,7 +171,7 @@ export class TimePlots {
       },
       scales: {
         x: { time: false, range: () => [this.rightS - this.windowS, this.rightS] },
-        y: { dir: quantity.down ? -1 : 1, range: (_, low, high) => roomyRange(low, high, quantity.least) },
+        y: { dir: quantity.down ? -1 : 1, range },
       },
       series: [
         {},
@@ -196,7 +197,7 @@ export class TimePlots {
           size: rem * 3.6,
           space: 24,
           incrs: NICE_STEPS,
-          values: plainMarks,
+          values,
         },
       ],
       hooks: { setCursor: [(plot) => this.showAtCursor(plot, index)] },

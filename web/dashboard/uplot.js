@@ -31,6 +31,28 @@ export function plotFont(rem = 0.75) {
   return `${Math.round(rem * remPx())}px system-ui, sans-serif`;
 }
 
+/**
+ * A scale that keeps its place without data, and then shows no numbers: none is better than invented ones.
+ * @param {(low: number | null, high: number | null) => [number | null, number | null]} rangeOf
+ */
+export function honestScale(rangeOf) {
+  let known = false;
+  return {
+    range: (/** @type {unknown} */ _plot, /** @type {any} */ low, /** @type {any} */ high) => {
+      const [from, to] = rangeOf(low, high);
+      known = from !== null && to !== null;
+      return /** @type {[number, number]} */ (known ? [from, to] : [0, 1]);
+    },
+    values: (
+      /** @type {unknown} */ plot,
+      /** @type {number[]} */ splits,
+      /** @type {number} */ axis,
+      /** @type {number} */ space,
+      /** @type {number} */ step,
+    ) => (known ? plainMarks(plot, splits, axis, space, step) : splits.map(() => '')),
+  };
+}
+
 /** Looked up at each drawing, so that a change of theme shows at once. */
 export const axisColors = {
   stroke: () => colors('--dim')[0],
@@ -46,7 +68,7 @@ export const axisColors = {
  * @param {number} _space
  * @param {number} step
  */
-export function plainMarks(_plot, splits, _axis, _space, step) {
+function plainMarks(_plot, splits, _axis, _space, step) {
   const decimals = Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)));
   return splits.map((split) => fixed(split, decimals));
 }

@@ -24,6 +24,7 @@ export class ValueCell {
     this.format = format ?? ((/** @type {number | null} */ value) => fixed(value, field.decimals));
     this.ageText = make('span', { class: 'age', title: 'since it was last known' });
     this.number = make('span', { class: 'number', text: '-' });
+    if (field.width) this.number.style.minWidth = `${field.width}ch`;
     this.unit = make('span', { class: 'unit', text: field.unit });
     this.root = make(
       'div',

@@ -9,7 +9,15 @@ import { startTheme } from '../shared/theme.js';
 import { Attitude } from './attitude.js';
 import { DepthGauge } from './depth_gauge.js';
 import { DepthRate } from './depth_rate.js';
-import { LINK_ITEMS, SCIENCE_CELLS, cellList, hero, instrumentCanvas, statusCells } from './live_layout.js';
+import {
+  LINK_ITEMS,
+  SCIENCE_CELLS,
+  cellList,
+  degrees,
+  hero,
+  instrumentCanvas,
+  statusCells,
+} from './live_layout.js';
 import { Model, STALE_S, ageS } from './model.js';
 import { Source } from './source.js';
 import { ValueCell, cardAge } from './value_cell.js';
@@ -29,9 +37,9 @@ function attitudePanel() {
   const canvas = instrumentCanvas('Artificial horizon');
   const horizon = new Attitude(canvas);
   const cells = [
-    new ValueCell('roll', (v) => signed(v, 1)),
-    new ValueCell('pitch', (v) => signed(v, 1)),
-    new ValueCell('heading', heading),
+    new ValueCell('roll', degrees),
+    new ValueCell('pitch', degrees),
+    new ValueCell('heading', (v) => (v === null ? '-' : `${heading(v)}\u00b0`)),
   ];
   return {
     title: 'Attitude',
@@ -47,7 +55,7 @@ function attitudePanel() {
 function depthPanel() {
   const canvas = instrumentCanvas('Depth gauge');
   const gauge = new DepthGauge(canvas);
-  const number = hero('m');
+  const number = hero('m', 3.45);
   const rate = new DepthRate();
   const rateText = make('p', { class: 'hint' });
   return {

@@ -15,7 +15,7 @@
  */
 
 const FIRST_RETRY_MS = 400;
-const LONGEST_RETRY_MS = 8000;
+const LONGEST_RETRY_MS = 5000;
 const CONNECT_TIMEOUT_MS = 5000;
 const SILENCE_MS = 8000; // the services speak at least once a second
 

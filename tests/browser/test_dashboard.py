@@ -1,0 +1,643 @@
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from playwright.sync_api import FrameLocator, Page, WebSocketRoute, expect
+
+from browser_rig import OpenPage, PrefixProxy, RunningSystem, Watch
+
+pytestmark = pytest.mark.browser
+
+TABS = ("Live", "Recordings", "Settings", "Health")
+SIZES = {"320 px": (320, 640), "phone": (360, 740), "tablet": (820, 1180), "laptop": (1440, 900), "4K": (3840, 2160)}
+OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+LOST = ("WebSocket", "ERR_CONNECTION", "Failed to load resource", "ERR_FAILED", "ERR_EMPTY_RESPONSE")
+
+
+def value(page: Page | FrameLocator, field: str) -> Any:
+    """The number of a value cell."""
+    return page.locator(f"[data-field={field}] .number").first
+
+
+def live(page: Page | FrameLocator) -> None:
+    """Wait until values come."""
+    expect(page.locator("#connection-text")).to_have_text("Live", timeout=20_000)
+    expect(value(page, "roll")).not_to_have_text("-")
+
+
+def until(page: Page, condition: Callable[[], bool]) -> None:
+    """Wait until something holds that no locator can tell; the page's own policy forbids to evaluate in it."""
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(50)
+
+
+def changed_messages(change: Callable[[dict[str, Any]], dict[str, Any] | None]) -> Callable[[Page], None]:
+    """Puts a change between the real extension and the page; None drops the message."""
+
+    def handle(route: WebSocketRoute) -> None:
+        server = route.connect_to_server()
+
+        def downward(text: str | bytes) -> None:
+            message = change(json.loads(text))
+            if message is not None:
+                route.send(json.dumps(message))
+
+        server.on_message(downward)
+
+    return lambda page: page.route_web_socket(re.compile(r"/ws$"), handle)
+
+
+def blank(value_: Any) -> Any:
+    """The same shape with nothing known."""
+    if isinstance(value_, dict):
+        return {key: blank(item) for key, item in value_.items()}
+    return False if isinstance(value_, bool) else None
+
+
+def huge(value_: Any) -> Any:
+    """The same shape with absurd numbers."""
+    if isinstance(value_, dict):
+        return {key: huge(item) for key, item in value_.items()}
+    return value_ if isinstance(value_, bool | str) or value_ is None else 1.234567e22
+
+
+def in_data(change: Callable[[Any], Any]) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """A change of what the sensors say, and of the status's numbers."""
+
+    def apply(message: dict[str, Any]) -> dict[str, Any]:
+        if message["topic"] == "sensors":
+            return {**message, "data": change(message["data"]), "extra": change(message["extra"])}
+        if message["topic"] == "status":
+            data = message["data"]
+            return {**message, "data": {**data, "link": change(data["link"]), "sonars": change(data["sonars"])}}
+        return message
+
+    return apply
+
+
+def with_gps(fix: str, latitude: float, longitude: float) -> Callable[[Page], None]:
+    """Messages with this GPS in them."""
+
+    def change(message: dict[str, Any]) -> dict[str, Any]:
+        if message["topic"] == "sensors":
+            message["data"]["gps"] = {"lat": latitude, "lon": longitude, "alt": 1.0, "sat": 7, "alive": True}
+            message["extra"] |= {"gps_fix": fix, "hdop": 1.2}
+        return message
+
+    return changed_messages(change)
+
+
+def open_tab(page: Page, name: str) -> None:
+    """Choose a tab."""
+    page.get_by_role("tab", name=name).click()
+
+
+def test_values_change_live_and_simulated_data_is_called_so(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    expect(page.locator("#source-badge")).to_have_text("SIMULATED")
+    for field in ("roll", "pitch", "temperature", "salinity", "soundSpeed", "conductivity", "pressure"):
+        expect(value(page, field)).to_have_text(re.compile(r"^[+−\d]"))
+    before = value(page, "roll").inner_text()
+    expect(value(page, "roll")).not_to_have_text(before)
+    expect(page.locator(".card-depth .hero .number")).to_have_text(re.compile(r"^\d+\.\d\d$"))
+    expect(page.locator(".card-depth .card-age")).to_have_text(re.compile("< 1 s|1 s"))
+    expect(page.locator(".sonars tbody tr").first.locator("td").first).to_have_text(re.compile(r"^\d+\.\d$"))
+
+
+def test_instruments_and_plots_draw_something(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    expect(page.locator(".plots .uplot")).to_have_count(4)
+    expect(page.locator(".card-profile .uplot")).to_have_count(1)
+    count_colors = """canvas => {
+        const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+        const seen = new Set();
+        for (let i = 0; i < data.length; i += 4) seen.add(data[i] * 65536 + data[i + 1] * 256 + data[i + 2]);
+        return seen.size;
+    }"""
+    for canvas in page.locator("canvas").all():
+        until(page, lambda canvas=canvas: canvas.evaluate(count_colors) > 3)
+
+
+def test_a_page_opened_late_shows_the_dive_before_it(
+    system: RunningSystem, open_page: OpenPage, tmp_path: Path
+) -> None:
+    deadline = time.monotonic() + 30
+    while system.get("api/recordings")["recordings"][0]["duration_s"] < 6 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    page = open_page(system.dashboard)
+    live(page)
+
+    def seen() -> list[str]:
+        with page.expect_download() as download:
+            page.get_by_role("button", name="CSV").click()
+        download.value.save_as(tmp_path / "seen.csv")
+        return (tmp_path / "seen.csv").read_text().splitlines()
+
+    began = time.time() - 3
+    until(page, lambda: float(seen()[1].split(",")[1]) < began)
+    lines = seen()
+    assert lines[0] == "time_utc,unix_s,depth [m],temperature [°C],salinity [PSU],soundSpeed [m/s]"
+    times = [float(line.split(",")[1]) for line in lines[1:]]
+    assert times == sorted(times)
+    assert abs(times[-1] - time.time()) < 10
+
+
+def test_plots_pause_change_window_and_are_saved_as_a_picture(
+    system: RunningSystem, open_page: OpenPage, tmp_path: Path
+) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    page.get_by_role("button", name="10 min").click()
+    expect(page.get_by_role("button", name="10 min")).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("button", name="1 min", exact=True)).to_have_attribute("aria-pressed", "false")
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_role("button", name="Paused")).to_have_attribute("aria-pressed", "true")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="PNG").click()
+    download.value.save_as(tmp_path / "seen.png")
+    assert (tmp_path / "seen.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_what_is_unknown_is_a_dash_and_never_a_zero(system: RunningSystem, open_page: OpenPage) -> None:
+    def prepare(page: Page) -> None:
+        changed_messages(in_data(blank))(page)
+        page.route("**/api/recordings", lambda route: route.fulfill(json={"recordings": []}))
+
+    page = open_page(system.dashboard, prepare=prepare)
+    expect(page.locator("#connection-text")).to_have_text("Live")
+    expect(page.locator(".fix")).to_have_text("Silent")
+    for number in page.locator("#panel-live .card:not(.card-plots) .number").all():
+        expect(number).to_have_text("-")
+    for cell in page.locator(".sonars td").all()[1:]:
+        expect(cell).to_have_text("-")
+    text = page.locator("body").inner_text()
+    assert not re.search(r"NaN|undefined|null|Infinity|\[object", text), text
+
+
+def test_huge_values_break_nothing(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, width=360, height=740, prepare=changed_messages(in_data(huge)))
+    expect(page.locator("#connection-text")).to_have_text("Live")
+    expect(value(page, "temperature")).to_have_text("1.23e22")
+    assert page.evaluate(OVERFLOW) <= 0
+    expect(value(page, "roll")).to_have_text("-")
+
+
+def test_no_fix_is_a_word_and_no_position(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=with_gps("none", 0.0, 0.0))
+    expect(page.locator(".fix")).to_have_text("No fix")
+    expect(value(page, "latitude")).to_have_text("-")
+    expect(value(page, "longitude")).to_have_text("-")
+    expect(value(page, "satellites")).to_have_text("7")
+
+
+def test_a_fix_gives_a_position(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=with_gps("3d", 47.6123, -2.7456))
+    expect(page.locator(".fix")).to_have_text("3D fix")
+    expect(value(page, "latitude")).to_have_text("47.612300° N")
+    expect(value(page, "longitude")).to_have_text("2.745600° W")
+
+
+def test_a_wall_clock_that_jumps_makes_nothing_stale(system: RunningSystem, open_page: OpenPage) -> None:
+    jumps = iter(range(0, 10**9, 3600))
+    page = open_page(
+        system.dashboard, prepare=changed_messages(lambda message: {**message, "t": message["t"] - next(jumps)})
+    )
+    live(page)
+    before = value(page, "roll").inner_text()
+    expect(value(page, "roll")).not_to_have_text(before)
+    expect(page.locator("#panel-live .card.stale")).to_have_count(0)
+
+
+def faulty(message: dict[str, Any]) -> dict[str, Any]:
+    """A status in which sonar B is silent."""
+    if message["topic"] == "status":
+        cause, cure = "No frame for 34 s.", "Check its 12 V supply."
+        for chip in message["data"]["chips"]:
+            if chip["id"] == "sonar_b":
+                chip |= {"state": "fault", "text": "Silent", "cause": cause, "cure": cure, "age_s": 34.0}
+        fault = {"id": "sonar_b", "level": "error", "title": "Sonar B is silent", "cause": cause, "cure": cure}
+        message["data"]["faults"] = [fault]
+    return message
+
+
+def test_a_chip_opens_with_cause_and_cure_by_keyboard(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=changed_messages(faulty))
+    chip = page.get_by_role("button", name="Sonar B: Fault")
+    chip.focus()
+    page.keyboard.press("Enter")
+    detail = page.get_by_role("dialog")
+    expect(detail).to_be_visible()
+    expect(detail).to_contain_text("No frame for 34 s.")
+    expect(detail).to_contain_text("Check its 12 V supply.")
+    page.keyboard.press("Escape")
+    expect(detail).to_be_hidden()
+    expect(chip).to_be_focused()
+
+
+def test_a_fault_is_told_in_the_banner_and_on_the_health_page(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=changed_messages(faulty))
+    banner = page.locator("#banner")
+    expect(banner).to_have_attribute("data-state", "fault")
+    expect(banner).to_contain_text("Sonar B is silent")
+    expect(banner).to_contain_text("Check its 12 V supply.")
+    banner.get_by_role("button").click()
+    expect(page.locator(".faults")).to_contain_text("Sonar B is silent")
+    trouble = page.locator(".troubles details", has_text="A sonar is not detected")
+    expect(trouble.locator(".badge")).to_be_visible()
+    trouble.locator("summary").click()
+    expect(trouble).to_contain_text("12 V")
+
+
+def test_the_banner_keeps_its_place_with_and_without_a_fault(system: RunningSystem, open_page: OpenPage) -> None:
+    heights = []
+    for prepare in (None, changed_messages(faulty)):
+        page = open_page(system.dashboard, width=360, height=740, prepare=prepare)
+        live(page)
+        heights.append(page.locator("main").bounding_box()["y"])  # type: ignore[index]
+    assert heights[0] == heights[1]
+
+
+def test_values_that_stop_grey_out_and_tell_their_age(system: RunningSystem, open_page: OpenPage) -> None:
+    passing = [True]
+    page = open_page(
+        system.dashboard,
+        prepare=changed_messages(lambda message: message if passing[0] or message["topic"] == "status" else None),
+    )
+    live(page)
+    passing[0] = False
+    expect(page.locator(".card-depth")).to_have_class(re.compile(r"\bstale\b"))
+    expect(page.locator(".card-depth .card-age")).to_have_text(re.compile(r"^\d.* s ago$"))
+    expect(page.locator("[data-field=temperature]")).to_have_class(re.compile(r"\bstale\b"))
+    expect(page.locator("[data-field=temperature] .age")).to_have_text(re.compile(r"^\d+(\.\d)? s$"))
+    passing[0] = True
+    expect(page.locator(".card-depth")).not_to_have_class(re.compile(r"\bstale\b"))
+
+
+def test_the_page_says_what_is_cut_off_and_returns_by_itself(
+    system: RunningSystem, open_page: OpenPage, watch: Watch
+) -> None:
+    watch.expect_complaints(*LOST)
+    sockets: list[WebSocketRoute] = []
+    cut = [False]
+
+    def handle(route: WebSocketRoute) -> None:
+        if cut[0]:
+            route.close()
+            return
+        sockets.append(route)
+        route.connect_to_server()
+
+    page = open_page(system.dashboard, prepare=lambda page: page.route_web_socket(re.compile("^ws:"), handle))
+    live(page)
+    cut[0] = True
+    sockets[-1].close()
+    expect(page.locator("#connection-text")).to_have_text(re.compile(r"^Status only \d"))
+    expect(page.locator("#banner")).to_contain_text("No live values reach this page")
+    expect(page.locator(".card-depth")).to_have_class(re.compile("stale"))
+    page.route("**/api/**", lambda route: route.abort())
+    expect(page.locator("#banner")).to_contain_text("does not hear the extension")
+    expect(page.locator("#strip")).to_have_class(re.compile("stale"))
+    cut[0] = False
+    live(page)
+    expect(page.locator("#strip")).not_to_have_class(re.compile("stale"))
+    expect(page.locator("#panel-live .card.stale")).to_have_count(0)
+
+
+def test_the_page_outlives_a_restart_of_the_extension(system: RunningSystem, open_page: OpenPage, watch: Watch) -> None:
+    watch.expect_complaints(*LOST)
+    page = open_page(system.dashboard)
+    live(page)
+    children = psutil.Process(system.process.pid).children()
+    (extension,) = [child for child in children if "extension" in child.cmdline()]
+    extension.send_signal(signal.SIGKILL)
+    expect(page.locator("#connection-text")).not_to_have_text("Live")
+    expect(page.locator("#connection-text")).to_have_text("Live", timeout=40_000)
+    expect(page.locator("#panel-live .card.stale")).to_have_count(0)
+
+
+def test_without_any_data_the_page_says_so(system: RunningSystem, open_page: OpenPage, watch: Watch) -> None:
+    watch.expect_complaints(*LOST)
+
+    def cut(page: Page) -> None:
+        page.route("**/api/**", lambda route: route.abort())
+        page.route_web_socket(re.compile("ws:"), lambda route: route.close())
+
+    page = open_page(system.dashboard, prepare=cut)
+    expect(page.locator("#banner")).to_contain_text("does not hear the extension")
+    expect(page.locator("#connection-text")).to_have_text(re.compile("Reconnecting|Connecting"))
+    expect(page.locator(".card-depth .hero .number")).to_have_text("-")
+    for tab in TABS[1:]:
+        open_tab(page, tab)
+    expect(page.locator("#panel-health")).to_be_visible()
+
+
+def test_a_recording_can_be_named_remarked_and_deleted_only_after_a_question(
+    system: RunningSystem, open_page: OpenPage
+) -> None:
+    page = open_page(f"{system.dashboard}#recordings")
+    first = page.locator(".recording", has_text="RECORDING").first
+    expect(first.get_by_role("button", name="Delete")).to_be_disabled()
+    name = first.get_attribute("data-name")
+    dive = page.locator(f"[data-name={name}]")
+    dive.locator("summary").first.click()
+    dive.get_by_label("Remark, dated now").fill("Anchor chain")
+    dive.get_by_role("button", name="Add").click()
+    expect(dive.locator(".annotations")).to_contain_text("Anchor chain")
+    dive.get_by_label("Name", exact=True).fill("Wreck, second pass")
+    dive.get_by_role("button", name="Save").click()
+    expect(dive.locator("h3")).to_have_text("Wreck, second pass")
+    page.get_by_role("button", name="Stop recording").click()
+    expect(page.get_by_role("button", name="Start recording")).to_be_enabled()
+    expect(dive.get_by_role("button", name="Delete")).to_be_enabled()
+
+    dive.get_by_role("button", name="Delete").click()
+    question = page.get_by_role("dialog")
+    expect(question).to_contain_text("Wreck, second pass")
+    expect(question.get_by_role("button", name="Cancel")).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(question).to_have_count(0)
+    expect(dive).to_be_visible()
+    assert name in {recording["name"] for recording in system.get("api/recordings")["recordings"]}
+
+    dive.get_by_role("button", name="Delete").click()
+    page.get_by_role("button", name="Delete for good").click()
+    expect(dive).to_have_count(0)
+    assert name not in {recording["name"] for recording in system.get("api/recordings")["recordings"]}
+    page.get_by_role("button", name="Start recording").click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_enabled()
+    expect(page.locator(".recording", has_text="RECORDING")).to_be_visible()
+
+
+def test_a_recording_is_downloaded_file_by_file_and_whole(
+    system: RunningSystem, open_page: OpenPage, tmp_path: Path
+) -> None:
+    page = open_page(f"{system.dashboard}#recordings")
+    dive = page.locator(".recording").first
+    with page.expect_download() as export:
+        dive.get_by_role("link", name="Export zip").click()
+    export.value.save_as(tmp_path / "dive.zip")
+    assert (tmp_path / "dive.zip").read_bytes()[:2] == b"PK"
+    dive.locator("summary", has_text="Files").click()
+    with page.expect_download() as log:
+        dive.get_by_role("link", name=re.compile(r"\.jsonl$")).first.click()
+    log.value.save_as(tmp_path / "dive.jsonl")
+    assert json.loads((tmp_path / "dive.jsonl").read_text().splitlines()[0])["ts"] >= 0
+
+
+def setting(system: RunningSystem, key: str) -> Any:
+    """What the extension holds."""
+    return next(item["value"] for item in system.get("api/settings")["settings"] if item["key"] == key)
+
+
+def test_settings_show_default_reason_and_limits_and_are_applied(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(f"{system.dashboard}#settings")
+    row = page.locator("[data-key='recording.max_file_mb']")
+    expect(row).to_contain_text("default 256 MB")
+    expect(row).to_contain_text("1 to 4096 MB")
+    expect(row.locator(".hint").first).not_to_be_empty()
+    apply = page.get_by_role("button", name="Apply")
+    expect(apply).to_be_disabled()
+
+    field = row.get_by_role("textbox")
+    field.fill("99999")
+    expect(row.locator(".setting-error")).to_have_text("Allowed: 1 to 4096 MB")
+    expect(apply).to_be_disabled()
+    page.get_by_role("button", name="Revert").click()
+    expect(field).to_have_value("256")
+
+    field.fill("128")
+    expect(page.locator(".changes")).to_have_text("1 change")
+    apply.click()
+    expect(page.locator("#panel-settings > .notice-line")).to_contain_text("Applied")
+    assert setting(system, "recording.max_file_mb") == 128
+    row.get_by_role("button", name="back to the default").click()
+    apply.click()
+    expect(page.locator(".changes")).to_have_text("No changes")
+    assert setting(system, "recording.max_file_mb") == 256
+
+
+def test_a_refused_setting_names_the_reason_and_changes_nothing(
+    system: RunningSystem, open_page: OpenPage, watch: Watch
+) -> None:
+    watch.expect_complaints("Failed to load resource")
+    page = open_page(f"{system.dashboard}#settings")
+    field = page.locator("[data-key='forwarding.targets']").get_by_role("textbox")
+    field.fill("not a host!")
+    page.get_by_role("button", name="Apply").click()
+    expect(page.locator("#panel-settings > .notice-line")).to_have_attribute("data-level", "error")
+    expect(page.locator("#panel-settings > .notice-line")).to_contain_text("forwarding")
+    expect(field).to_have_value("not a host!")
+    assert setting(system, "forwarding.targets") == ["127.0.0.1"]
+
+
+def test_units_are_changed_for_the_pages_only(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(f"{system.dashboard}#settings")
+    choice = page.locator("[data-key='display.units'] select")
+    try:
+        choice.select_option("imperial")
+        page.get_by_role("button", name="Apply").click()
+        open_tab(page, "Live")
+        expect(page.locator(".card-depth .hero .unit")).to_have_text("ft")
+        expect(page.locator("[data-field=temperature] .unit")).to_have_text("°F")
+        expect(page.locator("[data-plot=depth] .unit")).to_have_text("ft")
+    finally:
+        open_tab(page, "Settings")
+        choice.select_option("metric")
+        page.get_by_role("button", name="Apply").click()
+    open_tab(page, "Live")
+    expect(page.locator(".card-depth .hero .unit")).to_have_text("m")
+
+
+def test_settings_are_backed_up_and_restored(system: RunningSystem, open_page: OpenPage, tmp_path: Path) -> None:
+    page = open_page(f"{system.dashboard}#settings")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save backup").click()
+    backup = tmp_path / "backup.json"
+    download.value.save_as(backup)
+    assert isinstance(json.loads(backup.read_text()), dict)
+    page.locator("input[type=file]").set_input_files(backup)
+    expect(page.locator("#panel-settings > .notice-line")).to_have_text(re.compile("Restored"))
+    (tmp_path / "wrong.json").write_text("no JSON")
+    page.locator("input[type=file]").set_input_files(tmp_path / "wrong.json")
+    expect(page.locator("#panel-settings > .notice-line")).to_contain_text(
+        "no settings backup".replace("no ", "not a ")
+    )
+
+
+def test_mavlink_is_switched_on_here_and_says_that_nobody_answers(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(f"{system.dashboard}#settings")
+    panel = page.locator(".mavlink-panel")
+    expect(panel).to_contain_text("Off: nothing is sent.")
+    panel.locator("summary").click()
+    expect(panel).to_contain_text("UDP Server")
+    expect(panel).to_contain_text("14401")
+    panel.get_by_role("button", name="Switch on").click()
+    expect(panel).to_contain_text("nobody answers")
+    panel.get_by_role("button", name="Switch off").click()
+    expect(panel).to_contain_text("Off: nothing is sent.")
+
+
+def test_the_rates_of_the_esp32_are_sent_and_acknowledged(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(f"{system.dashboard}#settings")
+    rate = page.get_by_label("Sensor frames")
+    rate.fill("21")
+    send = page.get_by_role("button", name="Send to the ESP32")
+    send.click()
+    notice = page.locator(".rates ~ .notice-line")
+    expect(notice).to_contain_text("outside 0.5 to 20")
+    rate.fill("2")
+    send.click()
+    expect(notice).to_have_text("The ESP32 acknowledged.")
+
+
+def test_the_health_page_lists_counters_events_and_cures(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(f"{system.dashboard}#health")
+    for part in ("Link", "Sonar A, starboard", "Sonar B, port", "Recorder", "MAVLink", "Clock", "Versions"):
+        expect(page.get_by_role("heading", name=part, exact=True)).to_be_visible()
+    expect(page.locator(".counters")).to_contain_text("0x01 SENSORS")
+    expect(page.locator(".events")).to_contain_text("serial link up")
+    page.get_by_role("button", name="Errors", exact=True).click()
+    expect(page.locator(".events")).not_to_contain_text("serial link up")
+    assert page.locator(".troubles details").count() >= 10
+
+
+def test_the_keyboard_reaches_all_tabs(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    page.get_by_role("tab", name="Live").focus()
+    for name in (*TABS[1:], TABS[0]):
+        page.keyboard.press("ArrowRight")
+        tab = page.get_by_role("tab", name=name)
+        expect(tab).to_be_focused()
+        expect(tab).to_have_attribute("aria-selected", "true")
+        expect(page.locator(f"#panel-{name.lower()}")).to_be_visible()
+        assert page.locator("[role=tabpanel]:visible").count() == 1
+    outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_sticks_out_at_any_width(system: RunningSystem, open_page: OpenPage, size: str) -> None:
+    width, height = SIZES[size]
+    page = open_page(system.dashboard, width=width, height=height)
+    live(page)
+    for tab in TABS:
+        open_tab(page, tab)
+        expect(page.locator(f"#panel-{tab.lower()} .card").first).to_be_visible()
+        assert page.evaluate(OVERFLOW) <= 0, f"{tab} at {size}"
+        cut = page.evaluate("""[...document.querySelectorAll('.card')].filter(card => card.offsetParent)
+            .flatMap(card => [...card.querySelectorAll('button, .number, h2, canvas, select')]
+                .filter(node => node.getBoundingClientRect().right > card.getBoundingClientRect().right + 1)
+                .map(node => node.outerHTML.slice(0, 80)))""")
+        assert cut == [], f"{tab} at {size}"
+
+
+def test_fingers_find_their_targets_on_a_phone(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, width=360, height=740, has_touch=True)
+    live(page)
+    for tab in TABS:
+        open_tab(page, tab)
+        expect(page.locator(f"#panel-{tab.lower()} .card").first).to_be_visible()
+        small = page.evaluate("""[...document.querySelectorAll('button, a[href], select, summary, input, textarea')]
+            .filter(node => node.offsetParent && node.type !== 'file')
+            .filter(node => node.getBoundingClientRect().height < 43.5)
+            .map(node => node.outerHTML.slice(0, 80))""")
+        assert small == [], tab
+
+
+def test_nothing_jumps_while_values_come_and_go(system: RunningSystem, open_page: OpenPage) -> None:
+    count = iter(range(10**9))
+
+    def flicker(message: dict[str, Any]) -> dict[str, Any]:
+        return in_data(blank)(message) if message["topic"] == "sensors" and next(count) % 2 else message
+
+    page = open_page(system.dashboard, prepare=changed_messages(flicker))
+    expect(page.locator("#connection-text")).to_have_text("Live")
+    page.evaluate("""window.jumps = [];
+        new PerformanceObserver(list => list.getEntries().forEach(entry => entry.hadRecentInput ||
+            window.jumps.push(...entry.sources.map(source => [entry.value, source.node?.nodeName,
+                (source.node?.outerHTML ?? source.node?.data)?.slice(0, 80)]))))
+            .observe({type: 'layout-shift'})""")
+    seen: set[str] = set()
+    deadline = time.monotonic() + 15
+    while len(seen) < 4 and time.monotonic() < deadline:
+        seen.add(value(page, "roll").inner_text())
+    assert "-" in seen
+    assert len(seen) >= 4
+    assert page.evaluate("window.jumps") == []
+
+
+def test_the_theme_follows_system_address_and_switch(system: RunningSystem, open_page: OpenPage) -> None:
+    theme = "document.documentElement.dataset.theme"
+    page = open_page(system.dashboard, color_scheme="light")
+    assert page.evaluate(theme) == "light"
+    page.emulate_media(color_scheme="dark")
+    until(page, lambda: page.evaluate(theme) == "dark")
+    page.get_by_role("button", name="Switch to the light theme").click()
+    assert page.evaluate(theme) == "light"
+    page.reload()
+    assert page.evaluate(theme) == "light"
+    page.goto(f"{system.dashboard}?theme=dark")
+    assert page.evaluate(theme) == "dark"
+
+
+def test_it_works_under_a_prefix_in_an_iframe(
+    system: RunningSystem, open_page: OpenPage, prefix_proxy: Callable[..., PrefixProxy]
+) -> None:
+    proxy = prefix_proxy(system.dashboard)
+    page = open_page(proxy.frame_url)
+    frame = page.frame_locator("iframe")
+    live(frame)
+    expect(frame.locator(".plots .uplot")).to_have_count(4)
+    frame.get_by_role("tab", name="Settings").click()
+    expect(frame.locator("[data-key='recording.max_file_mb']")).to_be_visible()
+    frame.get_by_role("tab", name="Recordings").click()
+    expect(frame.locator(".recording").first).to_be_visible()
+
+
+def test_behind_a_proxy_without_websockets_it_takes_the_direct_port(
+    system: RunningSystem, open_page: OpenPage, prefix_proxy: Callable[..., PrefixProxy], watch: Watch
+) -> None:
+    watch.expect_complaints("WebSocket connection to")
+    proxy = prefix_proxy(system.dashboard, websockets=False)
+    page = open_page(proxy.url)
+    live(page)
+    expect(page.locator(".sonars tbody tr").first.locator("td").first).to_have_text(re.compile(r"^\d+\.\d$"))
+    before = value(page, "roll").inner_text()
+    expect(value(page, "roll")).not_to_have_text(before)
+
+
+@pytest.mark.parametrize("panel", ["attitude", "depth", "ctd", "link"])
+def test_the_widget_fills_its_frame(system: RunningSystem, open_page: OpenPage, panel: str) -> None:
+    page = open_page(f"{system.dashboard}widget?theme=light&panel={panel}", width=300, height=220, color_scheme="dark")
+    expect(page.locator(".number").first).not_to_have_text("-")
+    expect(page.locator(".badge")).to_have_text("SIMULATED")
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"
+    assert page.evaluate(OVERFLOW) <= 0
+    low = page.evaluate("""[...document.querySelectorAll('.number')]
+        .filter(node => node.getBoundingClientRect().bottom > innerHeight + 1).length""")
+    assert low == 0
+
+
+def test_the_page_names_no_other_host() -> None:
+    web = Path(os.path.dirname(__file__)).parents[1] / "web"
+    files = [file for folder in ("dashboard", "shared") for file in (web / folder).iterdir()]
+    assert len(files) > 40
+    for file in files:
+        text = file.read_text().replace("http://www.w3.org/2000/svg", "")
+        assert not re.search(r"https?://[\w.]", text), file
+        if file.suffix in (".html", ".js"):
+            assert not re.search(r"""(?:src|href)=["']/|fetch\(["'`]/|call\(["'`]/""", text), file
