@@ -28,6 +28,7 @@ DOCS_PAGE: Final = """<!doctype html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>API</title>
+<link rel="icon" href="data:,">
 <link rel="stylesheet" href="static/vendor/swagger-ui-dist/swagger-ui.css">
 </head>
 <body>
