@@ -3,7 +3,9 @@ import pytest
 from bluerov_slam.clock import WallClock
 from bluerov_slam.pipeline.health import Chip, ChipState, Fault, FaultLevel, Health, LinkFacts, PortState
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
-from bluerov_slam.records import Event, EventLevel
+from bluerov_slam.protocol.checksums import kogger_mod255
+from bluerov_slam.protocol.esp32_messages import MessageType, encode_frame
+from bluerov_slam.records import Event, EventLevel, UnknownFrame
 from bluerov_slam.services.esp_link import EspLink
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.system_events import SystemEvents
@@ -32,8 +34,8 @@ class Rig:
     def __init__(self):
         self.hub, self.source, self.wall_s = Hub(), Source(), 1_000_100.0
         self.wall = WallClock(self.wall_s, self.source.now)
-        link = EspLink(self.source, LinkDecoder(), self.hub)
-        self.events = SystemEvents(self.hub, link, self.wall, lambda: self.wall_s)
+        self.link = EspLink(self.source, LinkDecoder(), self.hub)
+        self.events = SystemEvents(self.hub, self.link, self.wall, lambda: self.wall_s)
         self.told = []
         self.hub.subscribe(self.told.append, Event)
 
@@ -88,3 +90,22 @@ def test_a_replays_clock_is_left_alone():
     events = SystemEvents(hub, EspLink(source, LinkDecoder(), hub), wall, None)
     events.tick()
     assert wall.unix_s(source.now) == 5.0
+
+
+def test_an_unknown_frame_type_is_told_once():
+    rig = Rig()
+    for frame_type in (0x42, 0x42, 0x43):
+        rig.hub.publish(UnknownFrame(1.0, frame_type, 10))
+    assert [text[:23] for text in rig.texts()] == ["frames of type 0x42 mea", "frames of type 0x43 mea"]
+
+
+def test_a_sonar_that_turns_out_to_use_the_other_checksum_is_told():
+    rig = Rig()
+    rig.events.tick()
+    body = bytes((0, 0x41, 5, 2, 0xFF, 0xFE))
+    frame = b"\xbb\x55" + body + kogger_mod255(body)
+    for _ in range(12):
+        rig.link.decoder.feed(encode_frame(MessageType.KOGGER_RAW_A, bytes(4) + frame), 1.0)
+    rig.events.tick()
+    rig.events.tick()
+    assert rig.texts() == ["sonar A sends mod255 checksums, not mod256: they are accepted from now on"]

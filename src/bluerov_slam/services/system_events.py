@@ -1,4 +1,4 @@
-"""Turns changes of state into events a user can read: the port, faults, the wall clock, GPS time."""
+"""Turns changes of state into events a user can read: the port, faults, clocks, what the link sends unexpectedly."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from bluerov_slam.clock import WallClock
 from bluerov_slam.pipeline.health import FaultLevel, Health, PortState
-from bluerov_slam.records import Event, EventLevel, GpsFix
+from bluerov_slam.records import Channel, Event, EventLevel, GpsFix, UnknownFrame
 from bluerov_slam.services.esp_link import EspLink
 from bluerov_slam.services.hub import Hub
 
@@ -29,10 +29,14 @@ class SystemEvents:
         self._port_state: PortState | None = None
         self._titles: dict[str, str] = {}
         self._trusted: bool | None = None
+        self._unknown_types: set[int] = set()
+        self._checksums: dict[Channel, str | None] = {}
         hub.subscribe(self._on_gps, GpsFix, name="wall clock")
+        hub.subscribe(self._on_unknown, UnknownFrame, name="unknown frames")
 
     def tick(self) -> None:
-        """Once a second: was the wall clock set?"""
+        """Once a second: was the wall clock set, did a sonar turn out to use the other checksum?"""
+        self._watch_checksums()
         if self._wall_time is None:
             return
         step = self._wall.observe(self._wall_time(), self._link.source.now_s())
@@ -66,6 +70,20 @@ class SystemEvents:
                 self._tell(_LEVELS[fault.level], f"{titles[fault.id]}. {fault.cause}")
         for key in known.keys() - titles.keys():
             self._tell(EventLevel.INFO, f"cleared: {known[key]}")
+
+    def _on_unknown(self, frame: UnknownFrame) -> None:
+        if frame.frame_type not in self._unknown_types:
+            self._unknown_types.add(frame.frame_type)
+            text = f"frames of type 0x{frame.frame_type:02x} mean nothing to this version; they are counted and skipped"
+            self._tell(EventLevel.INFO, text)
+
+    def _watch_checksums(self) -> None:
+        for channel, sonar in self._link.counters.sonars.items():
+            before = self._checksums.get(channel, sonar.checksum_in_use)
+            self._checksums[channel] = sonar.checksum_in_use
+            if before != sonar.checksum_in_use:
+                text = f"sonar {channel} sends {sonar.checksum_in_use} checksums, not {before}: they are accepted from now on"
+                self._tell(EventLevel.WARNING, text)
 
     def _on_gps(self, fix: GpsFix) -> None:
         if fix.utc_unix_s is None or fix.latitude_deg is None:
