@@ -100,6 +100,19 @@ def test_milliseconds_tell_a_reset_that_microseconds_hide() -> None:
     assert clock.resets == 1
 
 
+@pytest.mark.parametrize("uptime_s", [1.7, 2.4, 30.0])
+def test_a_reset_soon_after_the_start_is_none_the_less_one(uptime_s: float) -> None:
+    clock = DeviceClock()
+    clock.map_us32(us32(0.1), 100.1)
+    clock.map_ms32(ms32(uptime_s), 100.0 + uptime_s)
+    for again_s in (0.65, 1.15, 1.65, 2.15):
+        arrived_s = 130.0 + again_s
+        assert clock.map_ms32(ms32(again_s), arrived_s) == pytest.approx(arrived_s, abs=0.002)
+        clock.map_us32(us32(again_s + 0.1), arrived_s + 0.1)
+    assert clock.resets == 1
+    assert clock.offset_s == pytest.approx(130.0, abs=0.002)
+
+
 def test_a_host_pause_is_no_reset_and_leaves_the_mapping_alone() -> None:
     clock = DeviceClock()
     run(clock, 3.0, 300.0, offset_s=200.0)

@@ -23,6 +23,8 @@ BUCKET_S = 10.0
 BUCKETS = 60
 # Bursts and pings carry the time of their first sample, so stamps run back a little in a healthy stream.
 BACKWARD_TOLERANCE_US = 2_000_000
+# Millisecond stamps are made when the frame is queued: they run back only where a more urgent frame overtook another.
+BACKWARD_TOLERANCE_MS = 300
 # How far a device stamp may run ahead of the host's clock before it must be another boot that happens to look later.
 FORWARD_TOLERANCE_US = 5_000_000
 # An ESP32 crystal is good to 40 ppm; a fitted slope beyond this is noise.
@@ -42,7 +44,8 @@ class DeviceClock:
         self._echo_offset_s: float | None = None
         self._closed: deque[tuple[float, float]] = deque(maxlen=BUCKETS)
         self._open: tuple[float, float] | None = None
-        self._suspect: tuple[int, float] | None = None
+        self._suspect_us: tuple[int, float] | None = None
+        self._suspect_ms: tuple[int, float] | None = None
         self._same_us: int | None = None
         self._same_arrived_s = 0.0
         self._same_s = 0.0
@@ -68,14 +71,19 @@ class DeviceClock:
 
     def map_us32(self, t_us: int, arrived_s: float) -> float:
         """Host time of a stamp in device microseconds modulo 2^32 that arrived at `arrived_s`."""
-        return self._map_stamp(t_us, arrived_s, went_back=False)
+        return self._map_stamp(t_us, arrived_s)
 
     def map_ms32(self, t_ms: int, arrived_s: float) -> float:
         """Host time of a stamp in device milliseconds modulo 2^32; also tells a reset that microseconds hide."""
         behind_ms = 0 if self._last_ms is None else (self._last_ms - t_ms) % _WRAP
-        went_back = BACKWARD_TOLERANCE_US / _US_PER_MS < behind_ms < _HALF
-        measured_s = self._map_stamp(t_ms * _US_PER_MS % _WRAP, arrived_s, went_back=went_back)
-        if self._suspect is None:
+        if BACKWARD_TOLERANCE_MS < behind_ms < _HALF:
+            suspect, self._suspect_ms = self._suspect_ms, (t_ms, arrived_s)
+            if suspect is None or not _agree(suspect, self._suspect_ms, _US_PER_MS):
+                return arrived_s
+            self.restart()
+        self._suspect_ms = None
+        measured_s = self._map_stamp(t_ms * _US_PER_MS % _WRAP, arrived_s)
+        if self._suspect_us is None:
             self._last_ms = t_ms
         return measured_s
 
@@ -99,14 +107,15 @@ class DeviceClock:
         self._closed.clear()
         self._open = None
         self._open_ends_s = 0.0
-        self._suspect = None
+        self._suspect_us = None
+        self._suspect_ms = None
         self._same_us = None
         self._anchor_s = 0.0
         self._base_offset_s = float("inf")
         self._slope = 0.0
         self._echo_offset_s = None
 
-    def _map_stamp(self, t_us: int, arrived_s: float, *, went_back: bool) -> float:
+    def _map_stamp(self, t_us: int, arrived_s: float) -> float:
         if t_us == self._same_us and 0 <= arrived_s - self._same_arrived_s < _SAME_STAMP_S:
             return self._same_s
         last_us = self._last_us
@@ -117,24 +126,17 @@ class DeviceClock:
         elapsed_us = int((arrived_s - self._last_arrived_s) * 1e6)
         ahead_us = (t_us - last_us - elapsed_us + _HALF) % _WRAP - _HALF
         device_us = last_us + elapsed_us + ahead_us
-        if went_back or self._is_reset(device_us, ahead_us, arrived_s):
-            if not self._confirms_suspect(t_us, arrived_s):
+        if self._is_reset(device_us, ahead_us, arrived_s):
+            suspect, self._suspect_us = self._suspect_us, (t_us, arrived_s)
+            if suspect is None or not _agree(suspect, self._suspect_us, 1):
                 return arrived_s
             self.restart()
             self._start(t_us, arrived_s)
             device_us = t_us
-        self._suspect = None
+        self._suspect_us = None
         self._same_us, self._same_arrived_s = t_us, arrived_s
         self._same_s = self._map(device_us, arrived_s)
         return self._same_s
-
-    def _confirms_suspect(self, t_us: int, arrived_s: float) -> bool:
-        """One stamp from another time line may be a damaged frame that passed its check; two that agree are a reset."""
-        suspect, self._suspect = self._suspect, (t_us, arrived_s)
-        if suspect is None:
-            return False
-        device_step_us = (t_us - suspect[0] + _HALF) % _WRAP - _HALF
-        return abs(device_step_us - (arrived_s - suspect[1]) * 1e6) < FORWARD_TOLERANCE_US
 
     def _start(self, t_us: int, arrived_s: float) -> None:
         self._last_us, self._last_arrived_s = t_us, arrived_s
@@ -205,6 +207,12 @@ def _hull_edge_over_the_middle(
 
 def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
     return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _agree(first: tuple[int, float], second: tuple[int, float], us_per_unit: int) -> bool:
+    """One stamp from another time line may be a damaged frame that passed its check; two that agree are a reset."""
+    device_step_us = ((second[0] - first[0] + _HALF) % _WRAP - _HALF) * us_per_unit
+    return abs(device_step_us - (second[1] - first[1]) * 1e6) < FORWARD_TOLERANCE_US
 
 
 @dataclass(frozen=True, slots=True)
