@@ -99,7 +99,7 @@ async def test_a_reset_with_boot_text_is_told_and_time_goes_on(tmp_path):
         assert dive.ts[boot] < 700, "not even the first frame of the new start is lost"
         assert missing_ts(dive.ts[:boot], PERIOD_MS) == missing_ts(dive.ts[boot:], PERIOD_MS) == []
         measured = [message["extra"]["measured_unix_s"] for message in dive.sensors]
-        assert all(a < b for a, b in pairwise(measured))
+        assert [(a, b) for a, b in pairwise(measured) if b < a] == []
         assert all(abs(m["t"] - m["extra"]["measured_unix_s"]) < 1.0 for m in dive.sensors)
         await dive.finish()
 
@@ -149,7 +149,7 @@ async def test_replugged_under_a_new_node_name_it_is_found_again(tmp_path):
         boot = next(n for n, (a, b) in enumerate(pairwise(dive.ts), 1) if b < a)
         assert missing_ts(dive.ts[:boot], PERIOD_MS) == missing_ts(dive.ts[boot:], PERIOD_MS) == []
         measured = [message["extra"]["measured_unix_s"] for message in dive.sensors]
-        assert all(a < b for a, b in pairwise(measured))
+        assert [(a, b) for a, b in pairwise(measured) if b < a] == []
         await dive.finish()
 
 
