@@ -289,6 +289,29 @@ async def test_stopping_takes_less_than_two_seconds_and_closes_the_recording(tmp
         assert not extension.link.source.send(b"x")
 
 
+async def test_clients_that_do_not_answer_do_not_hold_up_the_end(tmp_path):
+    extension = Extension(open_store(tmp_path / "state"), serial_port(tmp_path / "dev"))
+    await extension.start()
+    upgrade = (
+        b"GET /ws HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
+    )
+    half = b"POST /api/esp32 HTTP/1.1\r\nHost: x\r\nOrigin: http://127.0.0.1\r\nContent-Length: 100\r\n\r\n{"
+    writers = []
+    for request in (upgrade, half):
+        _, writer = await asyncio.open_connection("127.0.0.1", extension.http.port)
+        writer.write(request)
+        await writer.drain()
+        writers.append(writer)
+    async with asyncio.timeout(5):
+        while extension.topics.clients < 1:
+            await asyncio.sleep(0.01)
+    async with asyncio.timeout(3):
+        await extension.stop()
+    for writer in writers:
+        writer.close()
+
+
 async def test_settings_notices_become_events(tmp_path):
     (tmp_path / "state").mkdir()
     (tmp_path / "state" / "settings.json").write_text("{broken")

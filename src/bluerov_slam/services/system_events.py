@@ -82,8 +82,8 @@ class SystemEvents:
             before = self._checksums.get(channel, sonar.checksum_in_use)
             self._checksums[channel] = sonar.checksum_in_use
             if before != sonar.checksum_in_use:
-                text = f"sonar {channel} sends {sonar.checksum_in_use} checksums, not {before}: they are accepted from now on"
-                self._tell(EventLevel.WARNING, text)
+                news = f"sonar {channel} sends {sonar.checksum_in_use} checksums, not {before}"
+                self._tell(EventLevel.WARNING, f"{news}: they are accepted from now on")
 
     def _on_gps(self, fix: GpsFix) -> None:
         if fix.utc_unix_s is None or fix.latitude_deg is None:
