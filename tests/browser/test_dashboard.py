@@ -116,6 +116,14 @@ def test_values_change_live_and_simulated_data_is_called_so(system: RunningSyste
     expect(page.locator(".sonars tbody tr").first.locator("td").first).to_have_text(re.compile(r"^\d+\.\d$"))
 
 
+def test_a_replay_is_called_so(system: RunningSystem, open_page: OpenPage) -> None:
+    def replayed(message: dict[str, Any]) -> dict[str, Any]:
+        return {**message, "data": message["data"] | {"source": "replay"}} if message["topic"] == "status" else message
+
+    page = open_page(system.dashboard, prepare=changed_messages(replayed))
+    expect(page.locator("#source-badge")).to_have_text("REPLAY")
+
+
 def test_instruments_and_plots_draw_something(system: RunningSystem, open_page: OpenPage) -> None:
     page = open_page(system.dashboard)
     live(page)
