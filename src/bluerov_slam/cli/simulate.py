@@ -20,7 +20,7 @@ from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS, Scenario, scenario_from_mapping
-from bluerov_slam.simulation.scene import RecordedScene
+from bluerov_slam.simulation.scene import RecordedScene, Scene, SimulatedScene
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.vehicle_log import read_vehicle_log
 from bluerov_slam.sources.xtf import read_xtf
@@ -90,7 +90,7 @@ def command(
 
 
 def load_scenario(name: str, *, seed: int | None, legacy: bool, faults: tuple[str, ...]) -> Scenario:
-    """The scenario of that name or file with what the command line adds; GPS time starts now."""
+    """The scenario of that name or file with what the command line adds."""
     scenario = SCENARIOS[name] if name in SCENARIOS else _scenario_file(Path(name))
     if seed is not None:
         scenario = replace(scenario, seed=_checked_seed(seed))
@@ -98,17 +98,17 @@ def load_scenario(name: str, *, seed: int | None, legacy: bool, faults: tuple[st
         scenario,
         legacy=legacy or scenario.legacy,
         faults=scenario.faults + tuple(parse_fault(fault) for fault in faults),
-        utc_start_unix_s=float(int(time.time())),
     )
 
 
 def make_simulator(
     scenario: Scenario, baud: int, link: Path, device_folder: Path | None = None, xtf: Path | None = None
 ) -> Simulator:
-    """The board of a scenario, or of a recording, on its line; says what it simulates."""
+    """The board of a scenario, or of a recording, on its line; says what it simulates. GPS time is now."""
     loop_length_s = None
+    scene: Scene
     if xtf is None:
-        board = VirtualEsp32(scenario, baud)
+        scene = SimulatedScene(scenario)
         _say(f"scenario {scenario.name}, seed {scenario.seed}, {baud} baud")
     else:
         survey = read_xtf(xtf)
@@ -121,13 +121,15 @@ def make_simulator(
             resolution_mm=resolution_mm,
             ping_period_ms=round(survey.period_s * 1000.0),
         )
-        board = VirtualEsp32(scenario, baud, RecordedScene(survey))
+        scene = RecordedScene(survey)
         _say(
             f"plays {survey.name}: {len(survey.time_s)} real pings in {survey.duration_s:.1f} s, "
             f"{XTF_SAMPLES} samples of {resolution_mm} mm, amplitudes 16 bit / 128; starts again at the end"
         )
     for fault in scenario.faults:
         _say(f"fault: {fault.text}")
+    # The scene takes a second to build: the board is switched on after that.
+    board = VirtualEsp32(replace(scenario, utc_start_unix_s=time.time()), baud, scene)
     return Simulator(board, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
 
 

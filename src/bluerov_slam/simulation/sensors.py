@@ -111,7 +111,7 @@ class Instruments:
         noise = self._gps_rng.standard_normal(5)
         for axis in (0, 1):
             self._gps_wander_m[axis] = 0.95 * self._gps_wander_m[axis] + 0.25 * float(noise[axis])
-        utc_unix_s = self._scenario.utc_start_unix_s + math.floor(at_s)
+        utc_unix_s = self._scenario.utc_start_unix_s + at_s
         powered_s = at_s - self._gps_powered_s
         time_known = utc_unix_s if powered_s >= FIRST_FIX_S - 2.0 else None
         if not state.fix_possible:
