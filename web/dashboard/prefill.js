@@ -55,6 +55,14 @@ export async function prefill(model, live) {
 }
 
 /**
+ * The log's salinity is the wire's, in steps of 0.1 PSU: beside the live one its steps would look like events.
+ * @param {Record<string, any>} data
+ */
+function withoutCoarse(data) {
+  return { ...data, ctd: { ...data.ctd, s: null } };
+}
+
+/**
  * From the log's time, which is that of measurement, to the page's, which is that of arrival: so that the log's last
  * sample joins the first one seen here.
  * @param {import('./model.js').Model} model
@@ -78,7 +86,7 @@ function giveRows(rows, model, live) {
   /** @type {Array<[number, (number | null)[]]>} */
   const history = [];
   for (const { unixS, data } of rows) {
-    readFields(readings, data, data.extra ?? {}, 0);
+    readFields(readings, withoutCoarse(data), {}, 0);
     history.push([unixS + offsetS, QUANTITIES.map((quantity) => value(quantity.key))]);
     live.gauge?.remember(value('depth'));
     live.profile.add(value('depth'), value('temperature'), value('soundSpeed'));
