@@ -117,7 +117,7 @@ async def test_a_reader_that_does_not_read_loses_bytes_and_blocks_nobody(tmp_pat
 
 async def test_unplug_hangs_up_and_replug_has_another_node_behind_the_same_name(tmp_path: Path) -> None:
     said: list[str] = []
-    board = make_board("kind=unplug at=0.3 duration=0.2")
+    board = make_board("kind=unplug at=0.3 duration=1.5")
     device_folder = tmp_path / "dev"
     async with running(Simulator(board, device_folder=device_folder, on_event=said.append)) as simulator:
         by_id = device_folder / "serial" / "by-id" / BY_ID_NAME
