@@ -125,7 +125,7 @@ class MavlinkSettings(_Group):
     send_scaled_pressure: bool = setting(True, "SCALED_PRESSURE (29): absolute pressure and temperature", live=True)
     send_gps_raw_int: bool = setting(True, "GPS_RAW_INT (24), only with a fix", live=True)
     send_named_values: bool = setting(
-        True, "NAMED_VALUE_FLOAT: temperature, sound speed, salinity, conductivity", live=True
+        True, "NAMED_VALUE_FLOAT: water temperature, sound speed, salinity, depth of the CTD", live=True
     )
     send_status_text: bool = setting(True, "STATUSTEXT when a fault appears or clears", live=True)
     defer_to_autopilot: bool = setting(
