@@ -18,7 +18,7 @@ python-setup: $(STAMPS)/python
 web-setup: $(STAMPS)/web
 system-setup: $(STAMPS)/system
 
-$(STAMPS)/python: requirements/dev.lock pyproject.toml
+$(STAMPS)/python: requirements/dev.lock pyproject.toml $(STAMPS)/web
 	@mkdir -p $(STAMPS)
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements/dev.lock
