@@ -187,6 +187,14 @@ test('gaps and ranges outside the ping are not amplitudes', () => {
   assert.equal(ring.amplitudeAt(0, -1), null);
 });
 
+test('a ping that was cut short does not change the range that is shown', () => {
+  const ring = new PingRing(64);
+  for (let k = 0; k < 10; k++) ring.append(pingAt(k, k * 0.1));
+  ring.append(pingAt(10, 1, { samples: new Uint8Array(30) }));
+  assert.ok(Math.abs(ring.recentRangeM - 2) < 1e-6);
+  assert.ok(Number.isNaN(new PingRing(4).recentRangeM));
+});
+
 test('an empty ping is stored and shows nothing', () => {
   const ring = new PingRing(4);
   ring.append(pingAt(1, 1, { samples: new Uint8Array(0) }));

@@ -175,7 +175,7 @@ export class Feed {
     for (const name of CHANNELS) {
       const { firstS } = this.channels[name];
       const known = Number.isFinite(firstS) ? firstS : this.waterfall.live(name).oldestS;
-      if (!(known >= oldest)) oldest = known;
+      if (known < oldest || Number.isNaN(oldest)) oldest = known;
     }
     return oldest;
   }

@@ -20,7 +20,7 @@ void main() {
   gl_Position = vec4(vec2((gl_VertexID << 1) & 2, gl_VertexID & 2) * 2.0 - 1.0, 0.0, 1.0);
 }`;
 
-// A texel of 0 in u_samples marks a missing sample; true zeros are uploaded as 1.
+// A texel of 0 in u_samples marks a missing sample; amplitudes 0..255 are stored as 1..255.
 const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
@@ -98,7 +98,8 @@ void main() {
     color = vec4(inside ? hatched(int(gl_FragCoord.x), row) : u_nothing, 1.0);
     return;
   }
-  float level = clamp((sum / found * tvg(range) - u_levels.x) * u_levels.y, 0.0, 1.0);
+  float amplitude = (sum / found * 255.0 - 1.0) / 254.0;
+  float level = clamp((amplitude * tvg(range) - u_levels.x) * u_levels.y, 0.0, 1.0);
   color = vec4(texelFetch(u_palette, ivec2(int(pow(level, u_levels.z) * 255.0 + 0.5), 0), 0).rgb, 1.0);
 }`;
 
@@ -118,6 +119,9 @@ const UNIFORMS = /** @type {const} */ ([
   'u_hatch',
   'u_top',
 ]);
+
+/** How an amplitude is stored in the texture: never 0. */
+const STORED = Uint8Array.from({ length: 256 }, (_, amplitude) => 1 + Math.round((amplitude * 254) / 255));
 
 /** Texture units. */
 const SAMPLES = 0;
@@ -270,7 +274,7 @@ export class GlPicture {
     const scratch = /** @type {Uint8Array} */ (this.scratch);
     const count = ring.count[slot];
     const start = slot * ring.width;
-    for (let i = 0; i < count; i++) scratch[i] = ring.samples[start + i] || 1;
+    for (let i = 0; i < count; i++) scratch[i] = STORED[ring.samples[start + i]];
     const gaps = ring.gaps[slot];
     for (let k = 0; k < gaps.length; k += 2) scratch.fill(0, gaps[k], gaps[k + 1]);
     gl.activeTexture(gl.TEXTURE0 + SAMPLES);
@@ -332,6 +336,9 @@ export class GlPicture {
     gl.disable(gl.SCISSOR_TEST);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.framebuffer ?? null);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    // The browser owes the canvas a clearing after it was shown, and a copy alone does not call that in: it would come
+    // later, over the copy, when the picture is read for a snapshot.
+    gl.clear(gl.COLOR_BUFFER_BIT);
     for (let k = 0; k < panes.length; k++) this.copyPane(panes[k], topRow);
   }
 

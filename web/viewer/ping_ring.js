@@ -13,6 +13,7 @@ const WIDEST = 4096;
 const FIRST_WIDTH = 1024;
 const NO_GAPS = new Uint16Array(0);
 const FIRST_GUESS_OF_PERIOD_S = 0.1;
+const RECENT_PINGS = 16;
 
 export class PingRing {
   /** @param {number} capacity rows */
@@ -202,9 +203,19 @@ export class PingRing {
     return this.samples[slot * this.width + index];
   }
 
-  /** @param {number} slot */
+  /** @param {number} slot end of the ping, m */
   farthestM(slot) {
     return (this.firstSample[slot] + this.count[slot]) * this.resolutionM[slot];
+  }
+
+  /** Range of the latest pings, NaN when empty: one that was cut short does not count. */
+  get recentRangeM() {
+    let farthest = NaN;
+    for (let index = Math.max(0, this.length - RECENT_PINGS); index < this.length; index++) {
+      const m = this.farthestM(this.slot(index));
+      if (m > farthest || Number.isNaN(farthest)) farthest = m;
+    }
+    return farthest;
   }
 
   /**

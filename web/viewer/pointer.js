@@ -127,7 +127,7 @@ export class PointerControl {
   pan(dx, dy) {
     const { stage, handlers } = this;
     const { waterfall } = stage;
-    handlers.onScroll(dy * stage.dpr * waterfall.secondsPerRow);
+    handlers.onScroll(-dy * stage.dpr * waterfall.secondsPerRow);
     const pane = waterfall.panes.find((candidate) => candidate.channel === this.startSpot?.channel);
     if (!pane) return;
     const { fromM, toM } = waterfall.state;

@@ -37,6 +37,10 @@ const LEVELS_EVERY_MS = 400;
 export const SHORTEST_SPAN_M = 1;
 const SECONDS_PER_PIXEL_LIMITS = [0.002, 2];
 const UNKNOWN_RANGE_M = 30;
+/** Scrolled back to the end, the oldest ping lies this far below the upper edge. */
+const OLDEST_SHARE = 0.2;
+/** A ping period that differs by more than this share is another one. */
+const PERIOD_CHANGE = 0.08;
 
 export class Waterfall {
   /**
@@ -68,6 +72,8 @@ export class Waterfall {
     this.panes = [];
     this.rowTables = [new Int16Array(2), new Int16Array(2)];
     this.secondsPerRow = 0.06;
+    this.evenWish = NaN;
+    this.evenPeriodS = NaN;
     this.topRow = 0;
     this.farthestM = NaN;
     /** @type {import('./picture_state.js').PictureState} */
@@ -192,11 +198,7 @@ export class Waterfall {
 
   updateScale() {
     const { view, state } = this;
-    const period = Math.min(this.rings[0].currentPeriodS, this.rings[1].currentPeriodS);
-    const wished = view.secondsPerPixel / state.dpr;
-    const even = evenScale(wished, period);
-    // A jittering period must not rescale the picture.
-    if (Math.abs(even / this.secondsPerRow - 1) > 0.04) this.secondsPerRow = even;
+    this.evenOut(view.secondsPerPixel / state.dpr);
     const newest = this.newestS;
     if (Number.isFinite(newest)) {
       const top = view.live ? newest : view.topS;
@@ -205,13 +207,24 @@ export class Waterfall {
     this.updateRange();
   }
 
+  /**
+   * A whole number of rows for every ping. A period that merely jitters must not rescale the picture, and a paused
+   * picture is not rescaled by what comes meanwhile.
+   * @param {number} wished seconds per row
+   */
+  evenOut(wished) {
+    const period = Math.min(this.rings[0].currentPeriodS, this.rings[1].currentPeriodS);
+    const changed = Math.abs(period / this.evenPeriodS - 1) > PERIOD_CHANGE;
+    if (wished === this.evenWish && !(changed && this.view.live)) return;
+    this.evenWish = this.hasData ? wished : NaN;
+    this.evenPeriodS = period;
+    this.secondsPerRow = evenScale(wished, period);
+  }
+
   updateRange() {
-    let farthest = NaN;
-    for (const ring of [this.rings[0], this.rings[1]]) {
-      if (!ring.length) continue;
-      const m = ring.farthestM(ring.slot(ring.length - 1));
-      if (!(m <= farthest)) farthest = m;
-    }
+    const a = this.rings[0].recentRangeM;
+    const b = this.rings[1].recentRangeM;
+    const farthest = a >= b || Number.isNaN(b) ? a : b;
     if (Number.isFinite(farthest)) this.farthestM = farthest;
     const maximum = Number.isFinite(this.farthestM) ? this.farthestM : UNKNOWN_RANGE_M;
     this.levels.tvgMaximumM = maximum;
@@ -285,8 +298,9 @@ export class Waterfall {
   /** @param {number} topS @param {number} oldestS */
   showTop(topS, oldestS) {
     if (!this.hasData) return;
-    this.view.topS = Math.max(topS, Math.min(oldestS + this.windowS * 0.5, this.newestS));
-    this.view.live = this.view.topS >= this.newestS;
+    // Asked for what is newer than the newest: live. Scrolled to the end of a short dive is not that.
+    this.view.live = topS >= this.newestS;
+    this.view.topS = Math.max(topS, Math.min(oldestS + this.windowS * OLDEST_SHARE, this.newestS));
     this.invalidate();
   }
 
