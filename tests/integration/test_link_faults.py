@@ -126,7 +126,7 @@ async def test_the_vehicles_own_probe_is_kept_out_or_does_no_harm(tmp_path):
 
 
 async def test_replugged_under_a_new_node_name_it_is_found_again(tmp_path):
-    async with diving(tmp_path, board()) as dive:
+    async with diving(tmp_path, board(uptime_s=100.0)) as dive:
         before = (await dive.state())["link"]
         names = set(os.listdir(tmp_path / "dev"))
         last = len(dive.sensors)
