@@ -26,6 +26,8 @@ export const TVG_BINS = 512;
 export const HISTOGRAM_BINS = 128;
 /** A bin's gain stays within +-this: more would only amplify the quantisation of 8 bits. */
 const TVG_LIMIT_DB = 30;
+/** The measured gain rises less, or it would paint the noise of the water column. */
+const FLATTEN_LIMIT_DB = 12;
 /** Where the flattened mean is put: leaves room for echoes four times the mean. */
 const FLATTEN_TARGET = 0.25;
 /** Bins around the smoothed one, each side: wide enough to keep targets, narrow enough to remove the beam pattern. */
@@ -117,7 +119,7 @@ export class RangeProfile {
       }
       if (count > 0) {
         const mean = Math.max(sum / count / 255, 1e-3);
-        last = ratioFromDb(limitDb(20 * Math.log10(FLATTEN_TARGET / mean)));
+        last = ratioFromDb(Math.min(FLATTEN_LIMIT_DB, limitDb(20 * Math.log10(FLATTEN_TARGET / mean))));
       }
       table[k] = last;
     }

@@ -78,6 +78,10 @@ export class Overlay {
     context.textBaseline = 'middle';
     this.drawRulerStrip();
     for (const pane of waterfall.panes) {
+      if (pane.y > 0) {
+        context.fillStyle = this.colors?.line ?? '';
+        context.fillRect(0, Math.round(this.rulerPx + pane.y / dpr) - 1, this.canvas.width / dpr, 2);
+      }
       if (this.grid) this.drawGrid(pane, dpr);
       this.drawTimes(pane, dpr);
     }
@@ -194,7 +198,8 @@ export class Overlay {
         context.fillStyle = GRID;
         context.fillRect(0, y, width, 1);
       }
-      if (y < this.rulerPx + pane.y / dpr + 0.8 * this.rem) continue;
+      // The badge and the name of the side stand there.
+      if (y < this.rulerPx + pane.y / dpr + 2.6 * this.rem) continue;
       this.plate(this.timeLabel(time, step), 4, y, ON_PICTURE, 'left', false);
     }
   }
