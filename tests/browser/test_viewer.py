@@ -774,6 +774,18 @@ def test_without_pings_it_says_what_it_waits_for(system: RunningSystem, open_pag
     expect(page.locator("[data-chip=sonar_a]")).to_contain_text("no pings")
 
 
+def test_on_a_phone_the_way_back_to_live_is_whole(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer, 320, 640)
+    live(page)
+    page.keyboard.press("Space")
+    until(page, "viewer.newPings > 3")
+    stage, back = page.locator("#stage").bounding_box(), page.locator("#back-to-live").bounding_box()
+    assert stage
+    assert back
+    assert back["x"] >= stage["x"]
+    assert back["x"] + back["width"] <= stage["x"] + stage["width"]
+
+
 @pytest.mark.parametrize("options", ["?channel=A&theme=light", "?channel=B&palette=viridis", "?theme=dark"])
 def test_the_widget_is_the_waterfall_alone(system: RunningSystem, open_page: OpenPage, options: str) -> None:
     page = open_page(system.viewer + "widget" + options, 480, 320)

@@ -77,6 +77,8 @@ export class Overlay {
     context.lineWidth = 1;
     context.textBaseline = 'middle';
     this.drawRulerStrip();
+    // Without a ping the range is not known: no scale.
+    if (!waterfall.hasData) return;
     for (const pane of waterfall.panes) {
       if (pane.y > 0) {
         context.fillStyle = this.colors?.line ?? '';
@@ -185,7 +187,7 @@ export class Overlay {
   /** @param {Pane} pane @param {number} dpr */
   drawTimes(pane, dpr) {
     const { context, waterfall } = this;
-    if (!waterfall.hasData || (pane.x > 0 && waterfall.panes.length > 1)) return;
+    if (pane.x > 0 && waterfall.panes.length > 1) return;
     const rowS = waterfall.secondsPerRow;
     const spanS = pane.height * rowS;
     const step = niceTimeStep(spanS, pane.height / dpr / TIME_LABEL_EVERY_PX);
