@@ -15,6 +15,7 @@ from simulated import link_bytes
 PART = encode_frame(MessageType.KOGGER_COMPRESSED, bytes((0, 0, 4, 1)) + bytes(150))
 LAST = encode_frame(MessageType.KOGGER_COMPRESSED, bytes((0, 0x40, 4, 1)) + bytes(90))
 SENSORS = encode_frame(MessageType.SENSORS, bytes(76))
+IMU = encode_frame(MessageType.IMU_BURST, bytes(46))
 
 
 def watch_after(data):
@@ -45,7 +46,19 @@ def test_a_part_of_a_ping_may_wait_for_the_frame_behind_it():
     watch, _, wanted = watch_after(PART[:20])
     data = PART[20:] + LAST[:9]
     assert len(data) == wanted + 9
-    assert watch.bytes_to_wait(data) == len(LAST) - 9
+    assert watch.bytes_to_wait(data) == len(LAST) - 9 + 8  # and the header behind it
+
+
+def test_an_imu_burst_and_the_ping_behind_it_wait_for_the_pings_end():
+    watch, _, _ = watch_after(IMU[:20])
+    assert watch.bytes_to_wait(IMU[20:] + PART[:9]) == len(PART) - 9 + 8
+    assert watch.bytes_to_wait(PART[9:] + LAST[:8]) == len(LAST) - 8 + 8
+    assert watch.bytes_to_wait(LAST[8:] + IMU[:8]) == 0
+
+
+def test_sensors_behind_a_part_of_a_ping_are_waited_for_to_the_byte():
+    watch, _, _ = watch_after(PART[:20])
+    assert watch.bytes_to_wait(PART[20:] + SENSORS[:9]) == len(SENSORS) - 9
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,8 @@ ACK_TIMEOUT_S: Final = 0.5
 TIME_SYNC_PERIOD_S: Final = 10.0
 # Firmware that does not answer so many is too old to know TIME_SYNC; it gets none until it restarts or reconnects.
 TIME_SYNC_TRIES: Final = 3
+# Blocks that may wait to be decoded together; a ping with an IMU burst before it is three.
+HELD_BLOCKS: Final = 4
 
 OnData = Callable[[bytes, float], int]
 
@@ -122,7 +124,7 @@ class EspLink:
         # Blocks of a replay are decoded as they come: nobody is woken for them.
         self._holds = source.kind == "serial"
         self._watch = FrameWatch()
-        self._held: tuple[bytes, float] | None = None
+        self._held: list[tuple[bytes, float]] = []
         hub.subscribe(self._on_ack, CommandAck, name="command acknowledgements")
         hub.subscribe(self._on_status, DeviceStatus, name="time synchronisation")
 
@@ -206,18 +208,18 @@ class EspLink:
 
     def _on_data(self, data: bytes, arrived_s: float) -> int:
         """Bytes of one read; none when the source paused for more and nothing came."""
-        if data and not self._held and self._holds:
+        if data and self._holds and len(self._held) < HELD_BLOCKS:
             wait = self._watch.bytes_to_wait(data)
             if wait:
-                self._held = (data, arrived_s)
+                self._held.append((data, arrived_s))
                 return wait
         self._decode_held()
         return self._decode(data, arrived_s) if data else 0
 
     def _decode_held(self) -> None:
-        if self._held:
-            held, self._held = self._held, None
-            self._decode(*held)
+        held, self._held = self._held, []
+        for data, arrived_s in held:
+            self._decode(data, arrived_s)
 
     def _decode(self, data: bytes, arrived_s: float) -> int:
         self._hub.publish(LinkBytes(data, arrived_s))

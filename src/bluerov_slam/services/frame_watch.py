@@ -2,7 +2,8 @@
 
 On a busy link a process is woken for every frame, with cold caches: decoding two frames at one wake-up costs little
 more than one. A chunk of an unfinished ping gains nothing by being decoded at once, so it may wait for the frame
-behind it, whose header tells when that is complete. Everything else is decoded at once.
+behind it, whose header tells when that is complete; so may an IMU burst or a STATUS. What somebody watches live or
+waits for, SENSORS, acknowledgements and the end of a ping, is decoded at once, together with all that waited.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ _LOOK_BYTES: Final = 7
 _OVERHEAD_BYTES: Final = 6
 _LAST_OF_PING: Final = 0x40
 _IN_A_HURRY: Final = frozenset({MessageType.SENSORS, MessageType.COMMAND_ACK})
+_UNHURRIED: Final = frozenset({MessageType.IMU_BURST, MessageType.STATUS, MessageType.GPS})
 # Asked for beyond any other frame (0.7 ms at 115200 baud), so that the next header comes with it.
 _NEXT_HEADER_BYTES: Final = 8
 # The shortest frame that is in a hurry, SENSORS, is twice as long: until its header is there, this costs no latency.
@@ -40,15 +42,22 @@ class FrameWatch:
         start = _open_frame(data, wanted)
         if start is None:
             return wanted if wanted > _OVERHEAD_BYTES else _UNKNOWN_FRAME_BYTES
-        self._may_wait = _is_part_of_ping(data, start)
+        self._may_wait = _may_wait(data, start)
         return wanted if data[start + 2] in _IN_A_HURRY else wanted + _NEXT_HEADER_BYTES
 
     def bytes_to_wait(self, data: bytes) -> int:
         """How many more bytes these undecoded ones may wait for; 0: decode them now."""
-        rest = len(data) - self._missing
-        if not self._may_wait or rest < _LOOK_BYTES or not data.startswith(_SYNC, self._missing):
+        start = self._missing
+        rest = len(data) - start
+        if not self._may_wait or rest < _LOOK_BYTES or not data.startswith(_SYNC, start):
             return 0
-        return max(0, _total_bytes(data, self._missing) - rest)
+        missing = _total_bytes(data, start) - rest
+        if missing <= 0:
+            return 0
+        # The frame whose header has just come is now the one under way.
+        self._missing = missing
+        self._may_wait = _may_wait(data, start)
+        return missing if data[start + 2] in _IN_A_HURRY else missing + _NEXT_HEADER_BYTES
 
 
 def _open_frame(data: bytes, wanted: int) -> int | None:
@@ -67,5 +76,8 @@ def _total_bytes(data: bytes, start: int) -> int:
     return _OVERHEAD_BYTES + (data[start + 3] << 8 | data[start + 4])
 
 
-def _is_part_of_ping(data: bytes, start: int) -> bool:
-    return data[start + 2] == MessageType.KOGGER_COMPRESSED and not data[start + 6] & _LAST_OF_PING
+def _may_wait(data: bytes, start: int) -> bool:
+    frame_type = data[start + 2]
+    if frame_type == MessageType.KOGGER_COMPRESSED:
+        return not data[start + 6] & _LAST_OF_PING
+    return frame_type in _UNHURRIED

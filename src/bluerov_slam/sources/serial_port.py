@@ -29,8 +29,9 @@ BACKOFF_LAST_S: Final = 2.0
 SILENT_AFTER_S: Final = 5.0
 READ_BYTES: Final = 4096
 OUTGOING_LIMIT_BYTES: Final = 4096
-# Longest pause between two reads while a frame is under way: keeps the latency small when a board sends faster.
-LONGEST_PAUSE_S: Final = 0.015
+# Longest pause between two reads while a frame is under way: the longest frame at 115200 baud takes 21 ms, and every
+# read in between costs as much as a whole one.
+LONGEST_PAUSE_S: Final = 0.022
 BITS_PER_BYTE: Final = 10
 _GONE: Final = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR})
 _SPEEDS: Final = {115200: termios.B115200, 921600: termios.B921600}
@@ -105,6 +106,7 @@ class SerialPort:
         self._passed_over: list[Path] = []
         self._descriptor: int | None = None
         self._timer: asyncio.TimerHandle | None = None
+        self._is_armed = False
         self._outgoing = bytearray()
         self._reads = 0
         self._device_folder_seen = True
@@ -212,7 +214,7 @@ class SerialPort:
         if self._ever_connected:
             self.reconnects += 1
         self._ever_connected = True
-        asyncio.get_running_loop().add_reader(descriptor, self._read)
+        self._arm(descriptor)
         _log.info("opened %s (%s) at %d baud", candidate.path, candidate.node, self._baud)
         self._set(SerialState.CONNECTED, "", None)
 
@@ -271,11 +273,15 @@ class SerialPort:
 
     def _pause(self, descriptor: int, delay_s: float) -> None:
         loop = asyncio.get_running_loop()
-        loop.remove_reader(descriptor)
+        if self._is_armed:
+            loop.remove_reader(descriptor)
+            self._is_armed = False
         self._timer = loop.call_later(delay_s, self._read)
 
     def _arm(self, descriptor: int) -> None:
-        asyncio.get_running_loop().add_reader(descriptor, self._read)
+        if not self._is_armed:
+            asyncio.get_running_loop().add_reader(descriptor, self._read)
+            self._is_armed = True
 
     def _write(self) -> None:
         descriptor = self._descriptor
@@ -310,6 +316,7 @@ class SerialPort:
             return
         loop = asyncio.get_running_loop()
         loop.remove_reader(descriptor)
+        self._is_armed = False
         loop.remove_writer(descriptor)
         with contextlib.suppress(OSError, termios.error):
             termios.tcflush(descriptor, termios.TCOFLUSH)  # closing would wait for unsent bytes
