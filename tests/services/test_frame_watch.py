@@ -22,7 +22,7 @@ def watch_after(data):
     """A watch and the bytes to wait for, after `data` was decoded."""
     decoder, watch = Esp32FrameDecoder(), FrameWatch()
     decoder.feed(data)
-    return watch, watch.decoded(data, decoder.bytes_wanted), decoder.bytes_wanted
+    return watch, watch.decoded(data, decoder.bytes_wanted, 0.0), decoder.bytes_wanted
 
 
 def test_sensors_are_waited_for_to_the_byte():
@@ -46,19 +46,19 @@ def test_a_part_of_a_ping_may_wait_for_the_frame_behind_it():
     watch, _, wanted = watch_after(PART[:20])
     data = PART[20:] + LAST[:9]
     assert len(data) == wanted + 9
-    assert watch.bytes_to_wait(data) == len(LAST) - 9 + 8  # and the header behind it
+    assert watch.bytes_to_wait(data, 0.0) == len(LAST) - 9 + 8  # and the header behind it
 
 
 def test_an_imu_burst_and_the_ping_behind_it_wait_for_the_pings_end():
     watch, _, _ = watch_after(IMU[:20])
-    assert watch.bytes_to_wait(IMU[20:] + PART[:9]) == len(PART) - 9 + 8
-    assert watch.bytes_to_wait(PART[9:] + LAST[:8]) == len(LAST) - 8 + 8
-    assert watch.bytes_to_wait(LAST[8:] + IMU[:8]) == 0
+    assert watch.bytes_to_wait(IMU[20:] + PART[:9], 0.0) == len(PART) - 9 + 8
+    assert watch.bytes_to_wait(PART[9:] + LAST[:8], 0.0) == len(LAST) - 8 + 8
+    assert watch.bytes_to_wait(LAST[8:] + IMU[:8], 0.0) == 0
 
 
 def test_sensors_behind_a_part_of_a_ping_are_waited_for_to_the_byte():
     watch, _, _ = watch_after(PART[:20])
-    assert watch.bytes_to_wait(PART[20:] + SENSORS[:9]) == len(SENSORS) - 9
+    assert watch.bytes_to_wait(PART[20:] + SENSORS[:9], 0.0) == len(SENSORS) - 9
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,34 @@ def test_sensors_behind_a_part_of_a_ping_are_waited_for_to_the_byte():
 )
 def test_everything_else_is_decoded_at_once(opened, data):
     watch, _, _ = watch_after(opened)
-    assert watch.bytes_to_wait(data) == 0
+    assert watch.bytes_to_wait(data, 0.0) == 0
+
+
+def rhythm(watch):
+    """SENSORS at 0.0 s and 0.5 s, then a whole ping in two parts, told to `watch`."""
+    for at_s in (0.0, 0.5):
+        watch.decoded(SENSORS[:10], len(SENSORS) - 10, at_s)
+    watch.decoded(PART[:20], len(PART) - 20, 0.51)
+    watch.bytes_to_wait(PART[20:] + LAST[:9], 0.52)
+
+
+def test_a_ping_is_waited_for_to_its_end_once_its_rhythm_is_known():
+    watch = FrameWatch(bytes_per_s=11_520.0)
+    rhythm(watch)
+    assert watch.decoded(PART[:20], len(PART) - 20, 0.6) == len(PART) - 20 + len(LAST) + 8
+
+
+@pytest.mark.parametrize("now_s", [0.97, 0.99, 1.2])
+def test_nobody_sleeps_through_the_sensors_frame_that_is_due(now_s):
+    watch = FrameWatch(bytes_per_s=11_520.0)
+    rhythm(watch)
+    assert watch.decoded(PART[:20], len(PART) - 20, now_s) == len(PART) - 20 + 8
+
+
+def test_on_a_fast_line_each_frame_is_looked_at():
+    watch = FrameWatch()
+    rhythm(watch)
+    assert watch.decoded(PART[:20], len(PART) - 20, 0.6) == len(PART) - 20 + 8
 
 
 class Wire:

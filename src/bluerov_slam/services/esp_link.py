@@ -42,6 +42,7 @@ TIME_SYNC_PERIOD_S: Final = 10.0
 TIME_SYNC_TRIES: Final = 3
 # Blocks that may wait to be decoded together; a ping with an IMU burst before it is three.
 HELD_BLOCKS: Final = 4
+SLOW_BAUD: Final = 115_200
 
 OnData = Callable[[bytes, float], int]
 
@@ -209,7 +210,7 @@ class EspLink:
     def _on_data(self, data: bytes, arrived_s: float) -> int:
         """Bytes of one read; none when the source paused for more and nothing came."""
         if data and self._holds and len(self._held) < HELD_BLOCKS:
-            wait = self._watch.bytes_to_wait(data)
+            wait = self._watch.bytes_to_wait(data, arrived_s)
             if wait:
                 self._held.append((data, arrived_s))
                 return wait
@@ -225,7 +226,7 @@ class EspLink:
         self._hub.publish(LinkBytes(data, arrived_s))
         self._publish_all(self._decoder.feed(data, arrived_s))
         wanted = self._decoder.bytes_wanted
-        return self._watch.decoded(data, wanted) if self._holds else wanted
+        return self._watch.decoded(data, wanted, arrived_s) if self._holds else wanted
 
     def _publish_all(self, records: list[Record]) -> None:
         publish = self._hub.publish
@@ -237,7 +238,10 @@ class EspLink:
                 publish(record)
 
     def _on_source_change(self) -> None:
-        connected = self.source.facts().state is PortState.CONNECTED
+        facts = self.source.facts()
+        connected = facts.state is PortState.CONNECTED
+        # On a fast line a frame takes no time worth sleeping through.
+        self._watch.bytes_per_s = SLOW_BAUD / 10 if facts.baud <= SLOW_BAUD else None
         if connected and not self._connected:
             self._sync_tries, self._sync_due_s = 0, 0.0
         self._connected = connected

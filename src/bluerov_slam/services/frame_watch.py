@@ -25,15 +25,29 @@ _NEXT_HEADER_BYTES: Final = 8
 _UNKNOWN_FRAME_BYTES: Final = 40
 
 
-class FrameWatch:
-    """Follows the frame under way from block to block."""
+# SENSORS frames come like clockwork; this much before the next one nobody sleeps through the boundary of two frames.
+_SENSORS_MARGIN_S: Final = 0.01
+_PART_LENGTHS_KEPT: Final = 16
 
-    def __init__(self) -> None:
+
+class FrameWatch:
+    """Follows the frame under way from block to block, and learns the rhythm of the link.
+
+    `bytes_per_s` is the speed of the line: while it is known, an unfinished ping is waited for to its end, whose length
+    the pings before it have told, unless a SENSORS frame is about to come in between.
+    """
+
+    def __init__(self, bytes_per_s: float | None = None) -> None:
+        self.bytes_per_s = bytes_per_s
         self._missing = 0
         self._may_wait = False
         self._tail = b""  # of the block before: a header may be cut
+        self._part_bytes: int | None = None
+        self._end_bytes: dict[int, int] = {}
+        self._sensors_s: float | None = None
+        self._sensors_period_s: float | None = None
 
-    def decoded(self, data: bytes, wanted: int) -> int:
+    def decoded(self, data: bytes, wanted: int, arrived_s: float) -> int:
         """After decoding up to the end of `data`, with `wanted` bytes missing: how many bytes to wait for."""
         self._missing = wanted
         self._may_wait = False
@@ -42,22 +56,49 @@ class FrameWatch:
         start = _open_frame(data, wanted)
         if start is None:
             return wanted if wanted > _OVERHEAD_BYTES else _UNKNOWN_FRAME_BYTES
-        self._may_wait = _may_wait(data, start)
-        return wanted if data[start + 2] in _IN_A_HURRY else wanted + _NEXT_HEADER_BYTES
+        return self._under_way(data, start, wanted, arrived_s)
 
-    def bytes_to_wait(self, data: bytes) -> int:
+    def bytes_to_wait(self, data: bytes, arrived_s: float) -> int:
         """How many more bytes these undecoded ones may wait for; 0: decode them now."""
         start = self._missing
         rest = len(data) - start
         if not self._may_wait or rest < _LOOK_BYTES or not data.startswith(_SYNC, start):
             return 0
         missing = _total_bytes(data, start) - rest
-        if missing <= 0:
-            return 0
         # The frame whose header has just come is now the one under way.
+        return self._under_way(data, start, missing, arrived_s) if missing > 0 else 0
+
+    def _under_way(self, data: bytes, start: int, missing: int, arrived_s: float) -> int:
+        """Note the open frame that begins at `start`; bytes until it is worth waking up."""
+        frame_type, total = data[start + 2], _total_bytes(data, start)
+        part_bytes, self._part_bytes = self._part_bytes, None
         self._missing = missing
         self._may_wait = _may_wait(data, start)
-        return missing if data[start + 2] in _IN_A_HURRY else missing + _NEXT_HEADER_BYTES
+        if frame_type == MessageType.SENSORS:
+            self._note_sensors(arrived_s)
+        if frame_type in _IN_A_HURRY:
+            return missing
+        until_header = missing + _NEXT_HEADER_BYTES
+        if frame_type != MessageType.KOGGER_COMPRESSED:
+            return until_header
+        if self._may_wait:
+            self._part_bytes = total
+            until_end = until_header + self._end_bytes.get(total, 0)
+            return until_end if self._is_clear(until_end, arrived_s) else until_header
+        if part_bytes is not None and (part_bytes in self._end_bytes or len(self._end_bytes) < _PART_LENGTHS_KEPT):
+            self._end_bytes[part_bytes] = total
+        return until_header
+
+    def _note_sensors(self, arrived_s: float) -> None:
+        if self._sensors_s is not None and arrived_s > self._sensors_s:
+            self._sensors_period_s = arrived_s - self._sensors_s
+        self._sensors_s = arrived_s
+
+    def _is_clear(self, wait_bytes: int, now_s: float) -> bool:
+        """Whether no SENSORS frame is due while so many bytes come."""
+        if self.bytes_per_s is None or self._sensors_s is None or self._sensors_period_s is None:
+            return False
+        return now_s + wait_bytes / self.bytes_per_s + _SENSORS_MARGIN_S < self._sensors_s + self._sensors_period_s
 
 
 def _open_frame(data: bytes, wanted: int) -> int | None:

@@ -29,9 +29,9 @@ BACKOFF_LAST_S: Final = 2.0
 SILENT_AFTER_S: Final = 5.0
 READ_BYTES: Final = 4096
 OUTGOING_LIMIT_BYTES: Final = 4096
-# Longest pause between two reads while a frame is under way: the longest frame at 115200 baud takes 21 ms, and every
-# read in between costs as much as a whole one.
-LONGEST_PAUSE_S: Final = 0.022
+# Longest pause between two reads while frames are under way: a whole ping of 1000 samples takes 28 ms at 115200 baud,
+# and every read in between costs as much as a useful one.
+LONGEST_PAUSE_S: Final = 0.035
 BITS_PER_BYTE: Final = 10
 _GONE: Final = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR})
 _SPEEDS: Final = {115200: termios.B115200, 921600: termios.B921600}
