@@ -139,7 +139,7 @@ def _metrics(port: int) -> float:
     """Sum of the viewer's counters of dropped WebSocket messages."""
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer:
         lines = answer.read().decode().splitlines()
-    return sum(float(line.split()[-1]) for line in lines if not line.startswith("#") and "websocket_dropped" in line)
+    return sum(float(line.split()[-1]) for line in lines if "websocket" in line and "dropped" in line)
 
 
 if __name__ == "__main__":

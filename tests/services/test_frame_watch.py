@@ -25,9 +25,22 @@ def watch_after(data):
     return watch, watch.decoded(data, decoder.bytes_wanted, 0.0), decoder.bytes_wanted
 
 
-def test_sensors_are_waited_for_to_the_byte():
+def test_the_last_bytes_of_sensors_are_watched_as_they_come():
     _, wait, wanted = watch_after(PART + SENSORS[:10])
-    assert wait == wanted == len(SENSORS) - 10
+    assert wanted == len(SENSORS) - 10
+    assert wait == wanted - 16
+    _, wait, _ = watch_after(PART + SENSORS[:-10])
+    assert wait == 0
+
+
+def test_the_very_last_bytes_of_sensors_are_still_known_to_be_its():
+    watch, _, _ = watch_after(SENSORS[:20])
+    decoder = Esp32FrameDecoder()
+    decoder.feed(SENSORS[:20])
+    for start, end in ((20, 40), (40, len(SENSORS) - 3)):
+        decoder.feed(SENSORS[start:end])
+        wait = watch.decoded(SENSORS[start:end], decoder.bytes_wanted, 0.0)
+    assert wait == 0
 
 
 @pytest.mark.parametrize("frame", [PART, LAST])
@@ -56,9 +69,9 @@ def test_an_imu_burst_and_the_ping_behind_it_wait_for_the_pings_end():
     assert watch.bytes_to_wait(LAST[8:] + IMU[:8], 0.0) == 0
 
 
-def test_sensors_behind_a_part_of_a_ping_are_waited_for_to_the_byte():
+def test_sensors_behind_a_part_of_a_ping_are_waited_for_up_to_their_last_bytes():
     watch, _, _ = watch_after(PART[:20])
-    assert watch.bytes_to_wait(PART[20:] + SENSORS[:9], 0.0) == len(SENSORS) - 9
+    assert watch.bytes_to_wait(PART[20:] + SENSORS[:9], 0.0) == len(SENSORS) - 9 - 16
 
 
 @pytest.mark.parametrize(

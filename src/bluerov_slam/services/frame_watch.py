@@ -25,8 +25,10 @@ _NEXT_HEADER_BYTES: Final = 8
 _UNKNOWN_FRAME_BYTES: Final = 40
 
 
-# SENSORS frames come like clockwork; this much before the next one nobody sleeps through the boundary of two frames.
-_SENSORS_MARGIN_S: Final = 0.01
+_WATCHED_BYTES: Final = 16
+# SENSORS frames come like clockwork, each up to one frame (21 ms at 115200 baud) late: so long before the next one is
+# expected nobody sleeps through the boundary of two frames.
+_SENSORS_MARGIN_S: Final = 0.03
 _PART_LENGTHS_KEPT: Final = 16
 
 
@@ -40,6 +42,7 @@ class FrameWatch:
     def __init__(self, bytes_per_s: float | None = None) -> None:
         self.bytes_per_s = bytes_per_s
         self._missing = 0
+        self._frame_type = 0
         self._may_wait = False
         self._tail = b""  # of the block before: a header may be cut
         self._part_bytes: int | None = None
@@ -49,12 +52,15 @@ class FrameWatch:
 
     def decoded(self, data: bytes, wanted: int, arrived_s: float) -> int:
         """After decoding up to the end of `data`, with `wanted` bytes missing: how many bytes to wait for."""
+        goes_on = wanted > 0 and self._missing - len(data) == wanted
         self._missing = wanted
         self._may_wait = False
         data = self._tail + data
         self._tail = data[-_LOOK_BYTES:]
         start = _open_frame(data, wanted)
         if start is None:
+            if goes_on and self._frame_type in _IN_A_HURRY:
+                return max(0, wanted - _WATCHED_BYTES)
             return wanted if wanted > _OVERHEAD_BYTES else _UNKNOWN_FRAME_BYTES
         return self._under_way(data, start, wanted, arrived_s)
 
@@ -72,12 +78,13 @@ class FrameWatch:
         """Note the open frame that begins at `start`; bytes until it is worth waking up."""
         frame_type, total = data[start + 2], _total_bytes(data, start)
         part_bytes, self._part_bytes = self._part_bytes, None
-        self._missing = missing
+        self._missing, self._frame_type = missing, frame_type
         self._may_wait = _may_wait(data, start)
         if frame_type == MessageType.SENSORS:
             self._note_sensors(arrived_s)
         if frame_type in _IN_A_HURRY:
-            return missing
+            # The last bytes are watched as they come: a timer is up to a millisecond late.
+            return max(0, missing - _WATCHED_BYTES)
         until_header = missing + _NEXT_HEADER_BYTES
         if frame_type != MessageType.KOGGER_COMPRESSED:
             return until_header

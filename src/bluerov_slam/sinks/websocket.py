@@ -250,6 +250,8 @@ class Broadcaster:
 
     def _cut_off(self, client: _Client) -> None:
         self.counters.clients_stalled += 1
+        client.dropped += len(client.waiting)
+        self.counters.dropped += len(client.waiting)
         peer = client.transport.get_extra_info("peername")
         _log.warning("%s took nothing for %g s and was cut off (%d messages lost)", peer, self.stall_s, client.dropped)
         self._behind.discard(client)
