@@ -157,6 +157,7 @@ async def test_link_up_reads_both_sonars_and_pings_flow(vehicle, http) -> None:
             if len(seen) == 2 and ping.samples.size == 500:
                 break
     await until_read(vehicle)
+    await until(lambda: vehicle.viewer.forwarder.state()["sound_speed_ctd_mps"] is not None)
     async with http.get(vehicle.url("/api/sonar")) as answer:
         sonar = await answer.json()
     assert sonar["B"]["read"]["samples"] == 500

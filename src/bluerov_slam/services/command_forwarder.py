@@ -46,6 +46,7 @@ logger = logging.getLogger(__name__)
 
 # One question each, round and round: about 10 bytes a second up and 20 down.
 REFRESH_PAUSE_S = 2.0
+LINK_UP_TRIES = 3
 # A sonar that was told to restart is asked again after this; one that is not back yet, a round of questions later.
 RESTART_S = 3.0
 DISTANCE_SETUP_VERSIONS = (1, 2)
@@ -220,7 +221,16 @@ class CommandForwarder:
             await self._sleep(delay_s)
         while sonar.synchronise_wanted:
             sonar.synchronise_wanted = False
-            await self.synchronise(channel)
+            await self._synchronise_patiently(sonar)
+
+    async def _synchronise_patiently(self, sonar: _Sonar) -> None:
+        """At link-up the board or the sonar may still be starting: a first silence is not the last word."""
+        for attempt in range(LINK_UP_TRIES):
+            if attempt:
+                await self._sleep(REFRESH_PAUSE_S)
+            await self.synchronise(sonar.session.channel)
+            if settings_of(sonar.session).is_timing_known or sonar.synchronise_wanted:
+                return
 
     def _state(self, sonar: _Sonar) -> dict[str, Any]:
         return {
