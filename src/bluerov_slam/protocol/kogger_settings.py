@@ -7,6 +7,7 @@ vendor's specification and KoggerApp's own.
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntFlag
 from math import ceil
@@ -19,7 +20,7 @@ MAX_RANGE_M = 200.0
 DEFAULT_SOUND_SPEED_MPS = 1500.0
 
 
-class SonarSetting:
+class SonarSetting(ABC):
     """One group of values: a SETTING carries them down, a GETTING asks for them, CONTENT brings them back."""
 
     __slots__ = ()
@@ -28,16 +29,18 @@ class SonarSetting:
     layout: ClassVar[struct.Struct]
     get_payload: ClassVar[bytes] = b""
 
+    @abstractmethod
     def check(self) -> None:
         """Raises CommandError with the value and the allowed range."""
-        raise NotImplementedError
 
+    @abstractmethod
     def to_payload(self) -> bytes:
-        raise NotImplementedError
+        """The values as SETTING and CONTENT carry them."""
 
     @classmethod
+    @abstractmethod
     def from_payload(cls, payload: bytes) -> Self:
-        raise NotImplementedError
+        """The values in the payload of a CONTENT frame."""
 
     def set_frame(self, route: int = 0) -> bytes:
         """The checked SETTING frame, asking for a result."""
