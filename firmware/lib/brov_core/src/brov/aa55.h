@@ -1,0 +1,60 @@
+// AA55 frames: AA 55 | type | u16 big-endian length | payload | xor. docs/protocol.md section 1.
+#pragma once
+
+#include <array>
+
+#include "brov/bytes.h"
+
+namespace brov {
+
+enum class MessageType : std::uint8_t {
+  kSensors = 0x01,
+  kKoggerRawA = 0x02,
+  kKoggerRawB = 0x03,
+  kKoggerCompressed = 0x04,
+  kImuBurst = 0x05,
+  kStatus = 0x06,
+  kCommandAck = 0x07,
+  kGps = 0x0B,
+  kKoggerCommandA = 0x20,
+  kKoggerCommandB = 0x21,
+  kConfig = 0x22,
+  kTimeSync = 0x23,
+};
+
+constexpr std::size_t kMaxPayload = 4096;
+constexpr std::size_t kFrameOverhead = 6;
+
+// Writes the whole frame; `into` has payload.size + kFrameOverhead bytes. Returns its length.
+std::size_t encode_frame(MessageType type, Bytes payload, std::uint8_t* into);
+
+struct DecoderCounters {
+  std::uint32_t frames_ok = 0;
+  std::uint32_t checksum_errors = 0;
+  std::uint32_t length_errors = 0;
+  std::uint32_t bytes_skipped = 0;
+};
+
+// Bytes, cut anywhere, to frames, with resynchronisation one byte behind a false start.
+// next() is called until it returns false; a frame's payload stays valid until the next call of feed().
+class FrameDecoder {
+ public:
+  struct Frame {
+    std::uint8_t type = 0;
+    Bytes payload;
+  };
+
+  // At most kMaxFeed bytes; call next() until false before the next feed().
+  static constexpr std::size_t kMaxFeed = 1024;
+  void feed(Bytes data);
+  bool next(Frame& frame);
+  const DecoderCounters& counters() const { return counters_; }
+
+ private:
+  std::array<std::uint8_t, kMaxPayload + kFrameOverhead + kMaxFeed> buffer_{};
+  std::size_t size_ = 0;
+  std::size_t read_ = 0;
+  DecoderCounters counters_{};
+};
+
+}  // namespace brov

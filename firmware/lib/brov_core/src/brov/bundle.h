@@ -1,0 +1,54 @@
+// KOGGER_COMPRESSED: decimated chart chunks of one ping in payloads of limited size. docs/protocol.md section 3.
+#pragma once
+
+#include "brov/bytes.h"
+#include "brov/hal.h"
+#include "brov/settings.h"
+
+namespace brov {
+
+constexpr std::size_t kPayloadLimitSlow = 224;
+constexpr std::size_t kPayloadLimitFast = 512;
+constexpr std::uint32_t kMaxPingBytes = 20000;
+
+struct ChartChunk {
+  std::uint16_t seq_offset = 0, resolution_mm = 0, first_sample = 0;
+  Bytes samples;
+};
+
+// Groups of `decimation` samples to one byte each; version 1 alternates two sub-channels. Returns the bytes written.
+std::size_t decimate(Bytes samples, std::uint8_t decimation, Coding coding, std::uint8_t version, std::uint8_t* into);
+
+// One ping's payloads, chunk by chunk: begin(), then add() and end(), which hand each full payload to `sink`.
+class BundlePacker {
+ public:
+  class Sink {
+   public:
+    virtual void payload(Bytes payload) = 0;
+
+   protected:
+    ~Sink() = default;
+  };
+
+  BundlePacker(Channel channel, std::uint8_t decimation, Coding coding, std::size_t payload_limit, Sink& sink);
+  void begin(std::uint8_t ping_number, std::uint32_t t_us, std::uint8_t version, bool mark);
+  void add(const ChartChunk& chunk);
+  void end();
+
+ private:
+  void piece(std::uint16_t seq_offset, const ChartChunk& chunk, Bytes part);
+  void flush(bool last);
+
+  Channel channel_;
+  std::uint8_t decimation_;
+  Coding coding_;
+  std::size_t limit_;
+  Sink& sink_;
+  std::uint8_t ping_number_ = 0, version_ = 0, chunks_ = 0;
+  std::uint32_t t_us_ = 0;
+  bool mark_ = false;
+  std::size_t size_ = 0;
+  std::uint8_t payload_[kPayloadLimitFast];
+};
+
+}  // namespace brov
