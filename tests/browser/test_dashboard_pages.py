@@ -18,7 +18,7 @@ def test_a_recording_can_be_named_remarked_and_deleted_only_after_a_question(
     system: RunningSystem, open_page: OpenPage
 ) -> None:
     page = open_page(f"{system.dashboard}#recordings")
-    first = page.locator(".recording", has_text="RECORDING").first
+    first = page.locator(".recording", has=page.locator(".recording-now:visible")).first
     expect(first.get_by_role("button", name="Delete")).to_be_disabled()
     name = first.get_attribute("data-name")
     dive = page.locator(f"[data-name={name}]")
@@ -48,7 +48,7 @@ def test_a_recording_can_be_named_remarked_and_deleted_only_after_a_question(
     assert name not in {recording["name"] for recording in system.get("api/recordings")["recordings"]}
     page.get_by_role("button", name="Start recording").click()
     expect(page.get_by_role("button", name="Stop recording")).to_be_enabled()
-    expect(page.locator(".recording", has_text="RECORDING")).to_be_visible()
+    expect(page.locator(".recording", has=page.locator(".recording-now:visible"))).to_be_visible()
 
 
 def test_a_recording_is_downloaded_file_by_file_and_whole(
