@@ -26,8 +26,12 @@ class ReportSink {
   ~ReportSink() = default;
 };
 
+// A burst closes when (2 count + 1) periods reach 200 ms, so at 20 Hz and below no more than 2 gather.
+constexpr std::uint8_t kMaxBurstSamples = 4;
+
 class WitMotionReader {
  public:
+  void start(std::uint64_t boot_us) { s_.configure_us = boot_us + 500000; }
   void feed(Bytes batch, std::uint64_t now_us, std::uint32_t rate_mhz, ReportSink& sink);
   // Configuration commands when they are due; at most one per tick.
   void configure(std::uint64_t now_us, std::uint32_t rate_mhz, Hal& hal);
@@ -46,7 +50,7 @@ class WitMotionReader {
   struct State {
     ImuSample open{};
     bool has_open = false, has_rate = false;
-    std::array<ImuSample, 64> gathered{};
+    std::array<ImuSample, kMaxBurstSamples> gathered{};
     std::uint8_t gathered_count = 0;
     std::uint64_t next_us = 0;
     std::int16_t angle_raw[3] = {0, 0, 0}, acceleration_raw[3] = {0, 0, 0};
@@ -90,6 +94,7 @@ class NmeaReader {
 
 class EzoEcReader {
  public:
+  void start(std::uint64_t boot_us) { configure_us_ = boot_us + 700000; }
   void feed(Bytes batch, std::uint64_t now_us);
   void configure(std::uint64_t now_us, Hal& hal);
   void fill(SensorFields& fields, std::uint64_t now_us) const;
