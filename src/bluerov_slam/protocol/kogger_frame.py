@@ -168,10 +168,11 @@ class KoggerFrameDecoder:
 
     `checksum` "auto" starts strict (mod 256) and changes to the other sum after `FRAMES_TO_LEARN` frames in a row that
     fail the one in use and pass the other, with no good frame between. `checksum_switches` counts such changes,
-    `other_checksum_frames` the frames refused though the other sum would have passed them.
+    `other_checksum_frames` the frames refused though the other sum would have passed them. `bb55_only` passes over
+    CC55 frames like noise, as the firmware does.
     """
 
-    def __init__(self, checksum: ChecksumChoice = "auto") -> None:
+    def __init__(self, checksum: ChecksumChoice = "auto", *, bb55_only: bool = False) -> None:
         self.checksum_in_use: Checksum = "mod255" if checksum == "mod255" else "mod256"
         self.checksum_switches = 0
         self.other_checksum_frames = 0
@@ -179,7 +180,7 @@ class KoggerFrameDecoder:
         self._streak = 0
         self._scanner = FrameScanner(
             FrameFormat(
-                syncs=(KOGGER_SYNC, KOGGER_V2_SYNC),
+                syncs=(KOGGER_SYNC,) if bb55_only else (KOGGER_SYNC, KOGGER_V2_SYNC),
                 header_bytes=_V1_HEADER_BYTES,
                 type_offset=4,
                 total_bytes=_frame_size,

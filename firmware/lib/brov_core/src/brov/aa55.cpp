@@ -48,37 +48,27 @@ std::size_t encode_frame(MessageType type, Bytes payload, std::uint8_t* into) {
   return end + 1;
 }
 
-void FrameDecoder::feed(Bytes data) {
-  if (size_ + data.size > buffer_.size()) {
-    for (std::size_t i = read_; i < size_; ++i) buffer_[i - read_] = buffer_[i];
-    size_ -= read_;
-    read_ = 0;
-  }
-  for (std::size_t i = 0; i < data.size && size_ < buffer_.size(); ++i) buffer_[size_++] = data[i];
-}
-
 bool FrameDecoder::next(Frame& frame) {
-  while (read_ < size_) {
-    const std::uint8_t* at = buffer_.data() + read_;
-    const std::size_t held = size_ - read_;
-    if (at[0] == kSync1 && (held < 2 || at[1] == kSync2)) {
-      if (held < kHeader) return false;
-      const std::size_t length = static_cast<std::size_t>(at[3]) << 8 | at[4];
-      if (!length_allowed(at[2], length)) {
+  for (Bytes held = stream_.held(); held.size > 0; held = stream_.held()) {
+    if (held[0] == kSync1 && (held.size < 2 || held[1] == kSync2)) {
+      if (held.size < kHeader) return false;
+      const std::size_t length = static_cast<std::size_t>(held[3]) << 8 | held[4];
+      const std::size_t total = length + kFrameOverhead;
+      if (!length_allowed(held[2], length)) {
         ++counters_.length_errors;
-      } else if (held < length + kFrameOverhead) {
+      } else if (held.size < total) {
         return false;
-      } else if (xor8({at + 2, length + kFrameOverhead - 2}) == 0) {
-        frame.type = at[2];
-        frame.payload = {at + kHeader, length};
-        read_ += length + kFrameOverhead;
+      } else if (xor8(held.first(total).from(2)) == 0) {
+        frame.type = held[2];
+        frame.payload = held.first(total - 1).from(kHeader);
+        stream_.take(total);
         ++counters_.frames_ok;
         return true;
       } else {
         ++counters_.checksum_errors;
       }
     }
-    ++read_;
+    stream_.take(1);
     ++counters_.bytes_skipped;
   }
   return false;

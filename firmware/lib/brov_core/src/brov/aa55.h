@@ -1,9 +1,8 @@
 // AA55 frames: AA 55 | type | u16 big-endian length | payload | xor. docs/protocol.md section 1.
 #pragma once
 
-#include <array>
-
 #include "brov/bytes.h"
+#include "brov/stream_buffer.h"
 
 namespace brov {
 
@@ -46,14 +45,12 @@ class FrameDecoder {
 
   // At most kMaxFeed bytes; call next() until false before the next feed().
   static constexpr std::size_t kMaxFeed = 1024;
-  void feed(Bytes data);
+  void feed(Bytes data) { stream_.append(data); }
   bool next(Frame& frame);
   const DecoderCounters& counters() const { return counters_; }
 
  private:
-  std::array<std::uint8_t, kMaxPayload + kFrameOverhead + kMaxFeed> buffer_{};
-  std::size_t size_ = 0;
-  std::size_t read_ = 0;
+  StreamBuffer<kMaxPayload + kFrameOverhead + kMaxFeed> stream_;
   DecoderCounters counters_{};
 };
 

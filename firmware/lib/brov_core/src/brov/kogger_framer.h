@@ -1,9 +1,8 @@
 // BB55 frames out of one sonar's bytes. docs/firmware-core.md section 2, docs/protocol.md section 4.
 #pragma once
 
-#include <array>
-
 #include "brov/bytes.h"
+#include "brov/stream_buffer.h"
 
 namespace brov {
 
@@ -31,17 +30,16 @@ class KoggerFramer {
  public:
   static constexpr std::size_t kMaxFeed = 1024;
   explicit KoggerFramer(KoggerChecksum checksum = KoggerChecksum::kAuto) : learns_(checksum == KoggerChecksum::kAuto) {}
-  void feed(Bytes data);
+  void feed(Bytes data) { stream_.append(data); }
   bool next(KoggerFrame& frame);
   std::uint32_t frames_ok() const { return frames_ok_; }
   std::uint32_t checksum_errors() const { return checksum_errors_; }
-  bool idle() const { return size_ == read_; }  // nothing held
+  bool idle() const { return stream_.held().size == 0; }  // nothing held
 
  private:
   bool intact(Bytes raw);
 
-  std::array<std::uint8_t, kMaxKoggerFrame + kMaxFeed> buffer_{};
-  std::size_t size_ = 0, read_ = 0;
+  StreamBuffer<kMaxKoggerFrame + kMaxFeed> stream_;
   std::uint32_t frames_ok_ = 0, checksum_errors_ = 0;
   bool learns_;
   bool mod255_ = false;
