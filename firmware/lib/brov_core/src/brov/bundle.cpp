@@ -5,7 +5,7 @@ namespace {
 
 constexpr std::size_t kHeader = 9, kChunkHeader = 7;
 constexpr std::size_t kMaxChunkSamples = 249;  // LENGTH 255 less the six header bytes of a chart
-constexpr std::uint8_t kMarkBit = 1 << 5, kLastBit = 1 << 6;
+constexpr unsigned kMarkBit = 1 << 5, kLastBit = 1 << 6;
 
 constexpr std::size_t divided_up(std::size_t count, std::size_t by) { return (count + by - 1) / by; }
 
@@ -86,9 +86,10 @@ void BundlePacker::end() {
 }
 
 void BundlePacker::flush(bool last) {
+  const unsigned flags = static_cast<unsigned>(coding_) | static_cast<unsigned>(version_) << 2 |
+                         (mark_ ? kMarkBit : 0) | (last ? kLastBit : 0);
   payload_[0] = static_cast<std::uint8_t>(channel_);
-  payload_[1] = static_cast<std::uint8_t>(static_cast<unsigned>(coding_) | version_ << 2 | (mark_ ? kMarkBit : 0) |
-                                          (last ? kLastBit : 0));
+  payload_[1] = static_cast<std::uint8_t>(flags);
   payload_[2] = decimation_;
   payload_[3] = chunks_;
   payload_[4] = ping_number_;
