@@ -5,9 +5,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMPS := .stamps
+PYTHON_CODE := src tests bench firmware
 RUN_ARGS ?=
 
-.PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser
+.PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser \
+	firmware firmware-test
 
 run: python-setup web-setup ## set everything up and start the whole system on a virtual ESP32
 	$(BIN)/bluerov-slam run --simulate $(RUN_ARGS)
@@ -37,27 +39,35 @@ $(STAMPS)/system: scripts/install-system-packages
 	@touch $@
 
 check: python-setup web-setup ## format, lint, types, import rule
-	$(BIN)/ruff format --check src tests bench
-	$(BIN)/ruff check src tests bench
+	$(BIN)/ruff format --check $(PYTHON_CODE)
+	$(BIN)/ruff check $(PYTHON_CODE)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 	npm run --silent check
 
 format: python-setup web-setup
-	$(BIN)/ruff format src tests bench
-	$(BIN)/ruff check --fix src tests bench
+	$(BIN)/ruff format $(PYTHON_CODE)
+	$(BIN)/ruff check --fix $(PYTHON_CODE)
 	npm run --silent format
 
-test: setup check test-python test-js test-browser ## everything that must hold, in under ten minutes
+test: setup check firmware-test test-python test-js test-browser ## everything that must hold, in under ten minutes
 
 test-python:
-	$(BIN)/pytest -n 2 -m "not browser and not long"
+	$(BIN)/pytest -n 2 -m "not browser and not long" --ignore=tests/firmware
 
 test-js:
 	npm run --silent test
 
 test-browser:
 	$(BIN)/pytest -m "browser and not long" tests/browser
+
+firmware: ## the board's own program for this machine: firmware/build/brov-firmware
+	$(MAKE) -C firmware native
+
+firmware-test: setup ## the firmware's core under sanitizers, and the same bytes as Python's
+	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -j2 -C firmware native test; \
+	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
+	$(BIN)/pytest -n 2 -m "not long" tests/firmware
 
 test-long: setup ## image build and run, armv7 install, long fuzzing and soak
 	scripts/test-long
@@ -74,3 +84,4 @@ lock: ## pin anew (needs uv)
 
 clean:
 	rm -rf $(VENV) node_modules web/vendor $(STAMPS) build dist var .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	$(MAKE) -C firmware clean
