@@ -44,7 +44,7 @@ class FrameDecoder {
   };
 
   // At most kMaxFeed bytes; call next() until false before the next feed().
-  static constexpr std::size_t kMaxFeed = 1024;
+  static constexpr std::size_t kMaxFeed = 256;
   void feed(Bytes data) { stream_.append(data); }
   bool next(Frame& frame);
   const DecoderCounters& counters() const { return counters_; }

@@ -28,7 +28,7 @@ enum class KoggerChecksum : std::uint8_t { kAuto, kMod256 };
 // for a frame that began in an earlier batch it is larger than the batch.
 class KoggerFramer {
  public:
-  static constexpr std::size_t kMaxFeed = 1024;
+  static constexpr std::size_t kMaxFeed = 256;
   explicit KoggerFramer(KoggerChecksum checksum = KoggerChecksum::kAuto) : learns_(checksum == KoggerChecksum::kAuto) {}
   void feed(Bytes data) { stream_.append(data); }
   bool next(KoggerFrame& frame);

@@ -13,6 +13,8 @@ constexpr std::size_t kGpsBytes = 32;
 constexpr std::size_t kAckBytes = 3;
 constexpr std::size_t kImuBurstHeaderBytes = 10;
 constexpr std::size_t kImuSampleBytes = 18;
+// A burst closes when (2 count + 1) periods reach 200 ms, so at 20 Hz and below no more than 2 samples gather.
+constexpr std::uint8_t kMaxBurstSamples = 4;
 
 // The wire's integers, in wire order. The caller has saturated them.
 struct SensorFields {

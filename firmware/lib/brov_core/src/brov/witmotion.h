@@ -47,7 +47,7 @@ class WitMotionReader {
   bool has_open_ = false, has_rate_ = false;
   std::uint64_t sample_us_ = 0, interval_us_ = 0;  // of the last complete sample; 0 = no interval known
   std::uint64_t next_us_ = 0;
-  std::array<ImuSample, 4> gathered_{};
+  std::array<ImuSample, kMaxBurstSamples> gathered_{};
   std::uint8_t gathered_count_ = 0;
 
   Command command_ = Command::kUnlock;
