@@ -37,7 +37,7 @@ class TestHal final : public brov::Hal, private brov::I2cModels::Listener {
   explicit TestHal(std::uint32_t baud) : baud_(baud), line_(baud) { models.set_state(brov::BusState::kBothSilent); }
 
   void link_write(brov::Bytes frame, std::uint64_t now_us) override;
-  std::uint32_t link_backlog(std::uint64_t now_us) override { return line_.backlog(now_us); }
+  std::uint32_t link_backlog(std::uint64_t now_us) override { return stuck ? 1000 : line_.backlog(now_us); }
   void link_set_baud(std::uint32_t baud, std::uint64_t now_us) override;
   void port_write(brov::Port port, brov::Bytes data, std::uint64_t now_us) override {
     writes.push_back({now_us, port, Buffer(data.data, data.data + data.size)});
@@ -45,6 +45,7 @@ class TestHal final : public brov::Hal, private brov::I2cModels::Listener {
   brov::I2cBus& i2c() override { return models; }
   void save_settings(const brov::Settings& settings) override { saved.push_back(settings); }
 
+  bool stuck = false;  // the line takes nothing
   std::vector<SentFrame> link;
   std::vector<PortWrite> writes;
   std::vector<brov::Settings> saved;

@@ -150,7 +150,6 @@ TEST_CASE("On a saturated line at 115200 sonar data fill at least 90 % of what t
     const double share = static_cast<double>(rig.sent_bytes(true) - sonar_before) / left;
     CHECK(share >= 0.90);
     CHECK(share <= 1.0 + 230.0 / left);
-    MESSAGE("sonar share of what is left: ", share);
   }
 }
 
@@ -287,4 +286,27 @@ TEST_CASE("Noise on every input for ten seconds: the pace is kept and everything
   rig.send(Port::kSonarA, ping(1000));
   rig.run_for(200000);
   CHECK(rig.sent(0x04).size() == before + 2);
+}
+
+TEST_CASE("A line that takes nothing for ten seconds: nothing grows, and afterwards the newest comes out first") {
+  Rig rig;
+  send_pings(rig, 1000, 12);
+  rig.run_until(1000000);
+  rig.hal.stuck = true;
+  rig.run_until(11000000);
+  const std::size_t before = rig.hal.link.size();
+  rig.hal.stuck = false;
+  rig.run_until(11300000);
+  CHECK(rig.hal.link.size() > before + 4);
+  // Four SENSORS were kept, the newest ones.
+  for (std::size_t i = 0; i < 4; ++i) {
+    const SentFrame& frame = rig.hal.link[before + i];
+    REQUIRE(frame.type == 0x01);
+    CHECK(get_u32(frame.payload.data()) == 9050 + 500 * i);
+  }
+  CHECK(total_dropped(rig) > 150);
+  rig.run_until(13000000);
+  const StatusFields status = rig.ask_status();
+  rig.run_until(16000000);
+  CHECK(rig.ask_status().pings_dropped[0] == status.pings_dropped[0]);
 }
