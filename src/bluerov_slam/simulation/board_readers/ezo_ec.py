@@ -100,6 +100,13 @@ class EzoEcReader:
         self._command = (self._command + 1) % len(_COMMANDS)
         self._configuring = self._command > 0
 
+    @property
+    def next_us(self) -> int:
+        """No command is due before this, unless bytes arrive."""
+        if self._configuring:
+            return self._command_us
+        return max(self._both_seen.older_from_us(_SILENCE_US), self._set_us + _SET_AGAIN_US, self._command_us)
+
     def alive(self, now_us: int) -> bool:
         """Whether the newest reading is fresh."""
         return self._reading_seen.within(now_us, _ALIVE_US)

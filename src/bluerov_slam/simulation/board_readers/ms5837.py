@@ -156,6 +156,11 @@ class Ms5837:
         self._reading_seen.set(now_us)
         return True
 
+    @property
+    def next_us(self) -> int:
+        """When the next transaction is due."""
+        return self._wait_until_us
+
     def ok(self, now_us: int) -> bool:
         """Whether the newest reading is fresh."""
         return self._reading_seen.within(now_us, _FRESH_US)

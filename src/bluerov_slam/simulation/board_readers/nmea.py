@@ -9,6 +9,7 @@ from bluerov_slam.protocol.checksums import xor8
 from bluerov_slam.protocol.esp32_messages import GpsFields
 from bluerov_slam.simulation.board_readers.decimal_text import NANO, parse_decimal, parse_signed_decimal
 from bluerov_slam.simulation.board_readers.readings import (
+    NEVER_US,
     Fields,
     ReportSink,
     Stamp,
@@ -123,6 +124,11 @@ class NmeaReader:
         """Send a report that has waited long enough for its other half."""
         if self._pending and now_us - self._pending.since_us >= _OTHER_HALF_US:
             self._send(self._pending, now_us, sink)
+
+    @property
+    def next_us(self) -> int:
+        """When a report will have waited long enough."""
+        return self._pending.since_us + _OTHER_HALF_US if self._pending else NEVER_US
 
     def fill(self, fields: Fields, now_us: int) -> None:
         """Write position, altitude, satellites and alive."""

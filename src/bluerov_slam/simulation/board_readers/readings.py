@@ -9,6 +9,9 @@ from typing import Protocol
 from bluerov_slam.protocol.esp32_messages import GpsFields
 from bluerov_slam.simulation.board import SENSOR_BAUD
 
+NEVER_US = 1 << 63
+"""Later than any device time."""
+
 Fields = dict[str, int]
 """The fields of `SensorFields` by name, while they are being gathered."""
 
@@ -49,6 +52,10 @@ class Stamp:
     def set(self, now_us: int) -> None:
         """Now."""
         self._at_us = now_us
+
+    def older_from_us(self, span_us: int) -> int:
+        """The first instant at which `within` is false; 0 if there was none."""
+        return 0 if self._at_us is None else self._at_us + span_us + 1
 
     def within(self, now_us: int, span_us: int) -> bool:
         """Whether it is no older than this."""

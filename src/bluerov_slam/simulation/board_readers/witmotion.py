@@ -159,6 +159,14 @@ class WitMotionReader:
         self._command_us = now_us + _COMMAND_GAP_US
         hal.port_write(Port.IMU, data, now_us)
 
+    @property
+    def next_us(self) -> int:
+        """No command is due before this, unless bytes arrive."""
+        if self._command is not None:
+            return self._command_us
+        silent_us = self._sample_seen.older_from_us(_SILENCE_US)
+        return max(silent_us, self._set_us + _SET_AGAIN_US, self._command_us)
+
     def _delivers_as_set(self, now_us: int, rate_mhz: int) -> bool:
         wanted_us = 1_000_000_000 // _output_rate(rate_mhz)[0]
         fits = self._interval_us > 0 and 4 * abs(self._interval_us - wanted_us) <= wanted_us
