@@ -9,7 +9,7 @@ import pytest
 
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType, encode_frame
 from bluerov_slam.records import Channel, Ping, SensorSample
-from bluerov_slam.simulation.reports import PROBE_BYTES
+from bluerov_slam.simulation.boot_text import PROBE_BYTES
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from running_system import chips, diving, faults, missing_ts, shape

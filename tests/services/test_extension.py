@@ -52,7 +52,7 @@ async def test_the_answers_have_exactly_the_keys_of_the_users_present_system(div
     assert_seed_shape(await diving.get("/api/latest"))
     assert set(await diving.get("/health")) == {"status", "serial", "frames", "protocol"}
     assert set(await diving.get("/api/dvl")) == {"vx", "vy", "vz", "valid"}
-    ctd = await diving.get("/api/ctd")
+    ctd = await diving.until("/api/ctd", lambda answer: answer["sound_velocity_ms"] is not None)
     assert list(ctd) == [
         "timestamp", "depth_m", "temperature_c", "conductivity_us", "salinity_psu", "sound_velocity_ms",
         "pressure_mbar",

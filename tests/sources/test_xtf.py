@@ -63,8 +63,8 @@ def test_the_sonars_send_the_recording_and_the_sensors_its_navigation(wreck: Rec
     expected = scene.ping(STARBOARD, 30.02, 1000, 0.030, 0).tobytes()
     assert b"".join(sent).startswith(expected)
     assert expected != scene.ping(PORT, 30.02, 1000, 0.030, 0).tobytes()
-    fields = next(f for kind, p in frames if kind == MessageType.SENSORS and (f := unpack_sensors(p)))
-    truth = scene.state(30.05)
+    *_, fields = (f for kind, p in frames if kind == MessageType.SENSORS and (f := unpack_sensors(p)))
+    truth = scene.state(30.5)
     assert fields.depth_cm / 100 == pytest.approx(truth.depth_m, abs=0.05)
     assert fields.yaw_cdeg / 100 == pytest.approx(np.degrees(truth.yaw_rad), abs=0.5)
 

@@ -22,7 +22,6 @@ from pathlib import Path
 from bluerov_slam.errors import LinkError
 from bluerov_slam.simulation.faults import Fault
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
-from bluerov_slam.simulation.wire import BITS_PER_BYTE
 
 _log = logging.getLogger(__name__)
 
@@ -186,6 +185,7 @@ class Simulator:
                 self._node.close()
                 self._node = None
             self._release_old_node()
+            self.board.close()
 
     def tick(self, monotonic_s: float) -> None:
         """One round: hear the host, let the board run to the present, send what the line carries."""
@@ -197,7 +197,7 @@ class Simulator:
         self._output.add(self.board.advance(now_s))
         self._follow_plug()
         self._say_loops(now_s)
-        data = self._output.take(elapsed_s, self.board.baud / BITS_PER_BYTE)
+        data = self._output.take(elapsed_s, self.board.bytes_per_s)
         if self._node is None or not data:
             return
         if not listening:
@@ -211,7 +211,7 @@ class Simulator:
         """After a long stall virtual time waits, so that the backlog stays short even on a full line."""
         if elapsed_s > LONGEST_BACKLOG_S:
             self.counters.stalls += 1
-        backlog_s = len(self._output) * BITS_PER_BYTE / self.board.baud
+        backlog_s = len(self._output) / self.board.bytes_per_s
         excess_s = max(0.0, backlog_s + elapsed_s - LONGEST_BACKLOG_S)
         self._origin_s += min(excess_s, elapsed_s)
 

@@ -28,13 +28,12 @@ class FaultKind(StrEnum):
 SENSORS = ("imu", "gps", "ec", "depth", "celsius", "a", "b")
 
 # What `rate` means where it is not given: bit errors per bit, garbage bursts per second, lost bytes per byte,
-# probes per second, I2C errors per second.
+# probes per second.
 _DEFAULT_RATE = {
     FaultKind.BIT_ERRORS: 1.0e-4,
     FaultKind.GARBAGE: 5.0,
     FaultKind.DROP: 1.0e-3,
     FaultKind.PROBE: 2.0,
-    FaultKind.I2C_ERRORS: 20.0,
 }
 _MOMENTARY = (FaultKind.RESET, FaultKind.MID_PING)
 _DEFAULT_DURATION_S = {FaultKind.UNPLUG: 3.0, FaultKind.PROBE: 1.0}
@@ -118,6 +117,7 @@ class WireFaults:
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 0xBADB17])
         self._next_burst_s: dict[Fault, float] = {}
+        self._noise_left: dict[Fault, int] = {}
 
     def damage(self, data: bytes, at_s: float, faults: Iterable[Fault]) -> bytes:
         """What is left of bytes that start on the wire at this instant."""
@@ -129,7 +129,7 @@ class WireFaults:
             elif fault.kind is FaultKind.DROP:
                 data = self._lose(data, fault.rate)
             elif fault.kind is FaultKind.GARBAGE:
-                data = self._insert(data, at_s, fault)
+                data = self._drown(data, at_s, fault)
         return data
 
     def garble(self, data: bytes) -> bytes:
@@ -147,11 +147,16 @@ class WireFaults:
         kept = self._rng.random(len(data)) >= rate
         return np.frombuffer(data, "uint8")[kept].tobytes()
 
-    def _insert(self, data: bytes, at_s: float, fault: Fault) -> bytes:
-        """A burst of noise at a random place of this frame, once per burst interval."""
-        if at_s < self._next_burst_s.get(fault, fault.at_s):
+    def _drown(self, data: bytes, at_s: float, fault: Fault) -> bytes:
+        """A burst of noise from a random place on, once per burst interval, in place of what the board sends."""
+        start = 0
+        if at_s >= self._next_burst_s.get(fault, fault.at_s):
+            self._next_burst_s[fault] = at_s + 1.0 / max(fault.rate, 1.0e-3)
+            self._noise_left[fault] = fault.size
+            start = int(self._rng.integers(0, max(1, len(data) - fault.size + 1)))
+        count = min(self._noise_left.get(fault, 0), len(data) - start)
+        if count == 0:
             return data
-        self._next_burst_s[fault] = at_s + 1.0 / max(fault.rate, 1.0e-3)
-        noise = self._rng.integers(0, 256, fault.size, dtype="uint8").tobytes()
-        cut = int(self._rng.integers(0, len(data) + 1))
-        return data[:cut] + noise + data[cut:]
+        self._noise_left[fault] -= count
+        noise = self._rng.integers(0, 256, count, dtype="uint8").tobytes()
+        return data[:start] + noise + data[start + count :]

@@ -16,7 +16,8 @@ class Scenario:
     """One run. The same scenario, baud rate and host bytes always give the same bytes.
 
     `mission_start_s` skips that much of the mission (0 = at the surface before the first dive). `uptime_s` is the
-    board's age at the start. `mid_ping_b_s` is the moment sonar B is switched on in the middle of a ping.
+    board's age at the start. `b_starts_mid_ping`: sonar B is switched on in the middle of a ping. `new_sensors`: IMU
+    and conductivity probe are as from the factory, and the board has to set them up.
     """
 
     name: str = "survey"
@@ -43,6 +44,7 @@ class Scenario:
     legacy: bool = False
     clock_drift_ppm: float = 14.0
     uptime_s: float = 0.0
+    new_sensors: bool = False
     boot_count: int = 7
     faults: tuple[Fault, ...] = ()
 

@@ -10,24 +10,28 @@ _TIME_SLACK_S = 1.0e-9
 
 
 class PacedWire:
-    """Blocks of bytes put on a line; `take` gives those whose last stop bit has passed."""
+    """Blocks of bytes put on a line; `take` gives those whose last stop bit has passed.
 
-    def __init__(self, baud: int) -> None:
+    `clock_rate`: seconds of the sender's crystal in a true second, since its UART runs on it.
+    """
+
+    def __init__(self, baud: int, clock_rate: float = 1.0) -> None:
         self.baud = baud
-        self.free_at_s = 0.0
+        self._clock_rate = clock_rate
+        self._free_at_s = 0.0
         self._blocks: deque[tuple[float, float, bytes]] = deque()
 
     @property
     def bytes_per_s(self) -> float:
         """What the line carries when it never rests."""
-        return self.baud / BITS_PER_BYTE
+        return self.baud * self._clock_rate / BITS_PER_BYTE
 
     def put(self, data: bytes, now_s: float) -> None:
-        """Start sending; the line must be free (`free_at_s`) or the bytes queue up behind."""
-        start_s = max(now_s, self.free_at_s)
-        byte_s = BITS_PER_BYTE / self.baud
+        """Start sending at once, or behind what is still on its way."""
+        start_s = max(now_s, self._free_at_s)
+        byte_s = 1.0 / self.bytes_per_s
         self._blocks.append((start_s, byte_s, data))
-        self.free_at_s = start_s + len(data) * byte_s
+        self._free_at_s = start_s + len(data) * byte_s
 
     def cut(self, now_s: float) -> None:
         """The sender stops in the middle of a byte: what is not out by now never comes."""
@@ -35,7 +39,7 @@ class PacedWire:
         self._blocks.clear()
         if kept:
             self._blocks.append((now_s, 0.0, kept))
-        self.free_at_s = now_s
+        self._free_at_s = now_s
 
     def take(self, until_s: float) -> bytes:
         """Every byte that is on the other side by this instant and was not taken yet."""
