@@ -4,8 +4,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from bluerov_slam.cli import firmware_choice
 from bluerov_slam.cli.simulate import command
-from bluerov_slam.errors import ConfigError, ExpectedError
+from bluerov_slam.errors import ConfigError, ExpectedError, LinkError
 
 
 def run(*arguments: str) -> Result:
@@ -19,7 +20,8 @@ def test_says_what_it_simulates_and_where(tmp_path: Path) -> None:
     lines = result.output.splitlines()
     assert lines[0] == "SIMULATED: scenario survey, seed 7, 115200 baud"
     assert lines[1] == "SIMULATED: fault: silent imu at 9 s for 5 s"
-    assert lines[2].startswith(f"SIMULATED: serial port {link} -> /dev/pts/")
+    assert lines[2].startswith("SIMULATED: board: ")
+    assert lines[3].startswith(f"SIMULATED: serial port {link} -> /dev/pts/")
     assert not link.is_symlink()
 
 
@@ -50,6 +52,35 @@ def test_a_wrong_argument_is_named(arguments: tuple[str, ...], message: str, tmp
     result = run("--link", str(tmp_path / "p"), "--duration", "0.05", *arguments)
     assert isinstance(result.exception, ExpectedError)
     assert message in str(result.exception)
+
+
+def test_without_a_native_firmware_the_reference_runs_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(firmware_choice, "_BUILT_PROGRAM", tmp_path / "brov-firmware")
+    monkeypatch.delenv("BLUEROV_SLAM_FIRMWARE", raising=False)
+    result = run("--link", str(tmp_path / "p"), "--duration", "0.05")
+    assert "board: Python reference (no native firmware is built: `make firmware`)" in result.output
+    with pytest.raises(LinkError, match="make firmware"):
+        raise run("--link", str(tmp_path / "p"), "--firmware", "native").exception or AssertionError
+    assert (
+        "board: Python reference\n"
+        in run("--link", str(tmp_path / "p"), "--firmware", "reference", "--duration", "0.05").output
+    )
+
+
+def test_a_native_firmware_that_was_named_must_be_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BLUEROV_SLAM_FIRMWARE", str(tmp_path / "nothing"))
+    result = run("--link", str(tmp_path / "p"), "--duration", "0.05")
+    assert isinstance(result.exception, LinkError)
+    assert f"BLUEROV_SLAM_FIRMWARE={tmp_path / 'nothing'}" in str(result.exception)
+
+
+def test_the_old_firmware_is_played_by_the_reference(tmp_path: Path) -> None:
+    result = run("--link", str(tmp_path / "p"), "--legacy", "--duration", "0.05")
+    assert "board: Python reference, as the old firmware" in result.output
+    refused = run("--link", str(tmp_path / "p"), "--legacy", "--firmware", "native")
+    assert isinstance(refused.exception, ConfigError)
 
 
 def test_a_bad_scenario_file_is_named(tmp_path: Path) -> None:

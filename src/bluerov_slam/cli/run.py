@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from bluerov_slam.cli.service_options import parse_flags, service_options, start_logging
+from bluerov_slam.cli.service_options import FIRMWARES, parse_flags, service_options, start_logging
 from bluerov_slam.config import Settings
 from bluerov_slam.services.settings_store import SettingsStore
 from bluerov_slam.services.supervisor import ChildSpec, Supervisor, stop_signals
@@ -20,6 +20,11 @@ from bluerov_slam.services.supervisor import ChildSpec, Supervisor, stop_signals
 @click.option("--simulate", is_flag=True, help="Run on a virtual ESP32 instead of a real one.")
 @click.option("--scenario", help="What is simulated [default: simulation.scenario].")
 @click.option("--xtf", type=click.Path(path_type=Path), help="Simulate with a real side-scan recording.")
+@click.option(
+    "--firmware",
+    type=click.Choice(FIRMWARES),
+    help="Simulate with the native firmware core or the Python reference [default: auto, native if it is built].",
+)
 @click.option("--fault", "faults", multiple=True, help="Simulate a fault, for example 'at=10 kind=reset'; repeatable.")
 def command(
     config: Path | None,
@@ -28,11 +33,12 @@ def command(
     simulate: bool,
     scenario: str | None,
     xtf: Path | None,
+    firmware: str | None,
     faults: tuple[str, ...],
 ) -> None:
     """Run extension and viewer, and with --simulate the virtual ESP32; Ctrl-C stops them all."""
-    if not simulate and (scenario or xtf or faults):
-        raise click.UsageError("--scenario, --xtf and --fault need --simulate")
+    if not simulate and (scenario or xtf or firmware or faults):
+        raise click.UsageError("--scenario, --xtf, --firmware and --fault need --simulate")
     start_logging(log_level)
     settings = SettingsStore.open(config, parse_flags(flags)).settings
     common = [*(["--config", str(config)] if config else []), *_repeated("--set", flags), "--log-level", log_level]
@@ -42,6 +48,7 @@ def command(
         if simulate:
             extra = ["--scenario", scenario or settings.simulation.scenario, *_repeated("--fault", faults)]
             extra += ["--xtf", str(xtf)] if xtf else []
+            extra += ["--firmware", firmware or "auto"]
             children.insert(0, _simulator(settings, port, extra))
             children.append(_child("extension", *common, "--simulated", "--set", f"serial.port={port}"))
         else:

@@ -13,6 +13,7 @@ from bluerov_slam.config import from_text
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR")
+FIRMWARES = ("auto", "native", "reference")
 
 
 def service_options(command: Command) -> Command:

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import click
 
+from bluerov_slam.cli.firmware_choice import choose_board
+from bluerov_slam.cli.service_options import FIRMWARES
 from bluerov_slam.errors import ConfigError
 from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
@@ -47,6 +49,13 @@ def default_link() -> Path:
 )
 @click.option("--list-scenarios", is_flag=True, help="Name the built-in scenarios and stop.")
 @click.option("--xtf", type=click.Path(path_type=Path), help="Play a real side-scan recording through the sonars.")
+@click.option(
+    "--firmware",
+    type=click.Choice(FIRMWARES),
+    default="auto",
+    show_default=True,
+    help="What the board is: the native firmware core or the Python reference; auto: native if it is built.",
+)
 @click.option("--legacy", is_flag=True, help="Old firmware: SENSORS and compressed pings only, fields that wrap.")
 @click.option("--fault", "faults", multiple=True, help="For example 'at=10 kind=garbage duration=2'. Repeatable.")
 @click.option("--tlog", type=click.Path(path_type=Path), help="Play a vehicle's MAVLink log as well.")
@@ -66,6 +75,7 @@ def command(
     scenario_name: str,
     list_scenarios: bool,
     xtf: Path | None,
+    firmware: str,
     legacy: bool,
     faults: tuple[str, ...],
     tlog: Path | None,
@@ -83,7 +93,7 @@ def command(
     parts: list[Simulator | VehicleLogPlayer] = []
     if not tlog_only:
         scenario = load_scenario(scenario_name, seed=seed, legacy=legacy, faults=faults)
-        parts.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf))
+        parts.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf, firmware))
     if tlog is not None:
         parts.append(VehicleLogPlayer(read_vehicle_log(tlog), _address(tlog_target), on_event=_say))
     asyncio.run(_run_all(parts, duration))
@@ -102,7 +112,12 @@ def load_scenario(name: str, *, seed: int | None, legacy: bool, faults: tuple[st
 
 
 def make_simulator(
-    scenario: Scenario, baud: int, link: Path, device_folder: Path | None = None, xtf: Path | None = None
+    scenario: Scenario,
+    baud: int,
+    link: Path,
+    device_folder: Path | None = None,
+    xtf: Path | None = None,
+    firmware: str = "auto",
 ) -> Simulator:
     """The board of a scenario, or of a recording, on its line; says what it simulates. GPS time is now."""
     loop_length_s = None
@@ -128,9 +143,11 @@ def make_simulator(
         )
     for fault in scenario.faults:
         _say(f"fault: {fault.text}")
+    board, which = choose_board(firmware, scenario.legacy)
+    _say(which)
     # The scene takes a second to build: the board is switched on after that.
-    board = VirtualEsp32(replace(scenario, utc_start_unix_s=time.time()), baud, scene)
-    return Simulator(board, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
+    esp32 = VirtualEsp32(replace(scenario, utc_start_unix_s=time.time()), baud, scene, board)
+    return Simulator(esp32, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
 
 
 async def _run_all(parts: list[Simulator | VehicleLogPlayer], duration_s: float | None) -> None:
