@@ -12,8 +12,8 @@ RUN_ARGS ?=
 	firmware firmware-test
 
 run: python-setup web-setup ## set everything up and start the whole system on a virtual ESP32
-	@if command -v $(CXX) >/dev/null; then $(MAKE) --no-print-directory -s firmware || echo "The native firmware was not built: the Python reference runs"; \
-	else echo "No C++ compiler: the Python reference runs in place of the native firmware"; fi
+	@if command -v $(CXX) >/dev/null; then $(MAKE) --no-print-directory -s firmware || echo "The native firmware could not be built"; \
+	else echo "No C++ compiler: no native firmware"; fi
 	$(BIN)/bluerov-slam run --simulate $(RUN_ARGS)
 
 setup: python-setup web-setup system-setup
