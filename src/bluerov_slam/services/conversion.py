@@ -127,9 +127,10 @@ def _to_klf(dive: _Dive, path: Path) -> str:
             writer.write(record)
         writer.finish()
     counts = writer.counts
+    refused = f"; {counts.refused} frames on which KoggerApp crashes were left out" if counts.refused else ""
     return (
         f"{counts.frames_a} frames of A (address 1), {counts.frames_b} of B (address 2), "
-        f"{counts.positions} positions, {counts.attitudes} attitudes"
+        f"{counts.positions} positions, {counts.attitudes} attitudes{refused}"
     )
 
 
