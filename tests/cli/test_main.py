@@ -7,7 +7,10 @@ from bluerov_slam.errors import ConfigError
 
 @pytest.mark.parametrize(
     ("error", "code", "text"),
-    [(ConfigError("serial.baud = 5"), 1, "bluerov-slam: serial.baud = 5\n"), (ZeroDivisionError("ours"), 70, "Traceback")],
+    [
+        (ConfigError("serial.baud = 5"), 1, "bluerov-slam: serial.baud = 5\n"),
+        (ZeroDivisionError("ours"), 70, "Traceback"),
+    ],
 )
 def test_a_named_reason_and_a_fault_of_ours_end_with_different_codes(monkeypatch, capsys, error, code, text):
     @click.command()
