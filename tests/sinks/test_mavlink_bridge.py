@@ -111,6 +111,8 @@ async def test_sensors_ctd_and_gps_become_their_messages(router, make_bridge):
     assert router.names()["ATTITUDE"] == router.names()["SCALED_PRESSURE"] == router.names()["GPS_RAW_INT"] == 1
     attitude = next(m for m in router.messages if m.get_type() == "ATTITUDE")
     assert attitude.rollspeed == pytest.approx(0.25)
+    stamps = {message.time_boot_ms for message in router.messages if hasattr(message, "time_boot_ms")}
+    assert stamps == {sensor_sample().device_ms}, "one clock for everything"
 
 
 @pytest.mark.parametrize(
