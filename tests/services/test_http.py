@@ -204,11 +204,22 @@ async def test_the_host_itself_may_change_something_by_its_name(client):
 
 
 @pytest.mark.parametrize(
-    ("authorization", "status"), [(None, 403), ("Bearer wrong", 403), ("Bearer s3cret", 200), ("Bearer ", 403)]
+    ("authorization", "status"),
+    [(None, 403), ("Bearer wrong", 403), ("Bearer s3cret", 200), ("Bearer ", 403)],
 )
 async def test_a_program_without_origin_needs_the_token(client, authorization, status):
     headers = {"Authorization": authorization} if authorization is not None else {}
     assert (await fetch(client, "POST", "/api/thing", json={}, headers=headers))[0] == status
+
+
+async def test_a_token_that_is_no_text_is_refused_and_not_our_fault(client, caplog):
+    reader, writer = await asyncio.open_connection("127.0.0.1", client.server.port)
+    writer.write(
+        b"POST /api/thing HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer \xff\xfe\r\nContent-Length: 2\r\n\r\n{}"
+    )
+    assert b" 403 " in await reader.readline()
+    writer.close()
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_an_empty_token_lets_no_program_in():

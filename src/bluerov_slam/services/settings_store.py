@@ -94,8 +94,12 @@ class SettingsStore:
     def change(self, values: Mapping[str, object]) -> frozenset[str]:
         """Set these dotted keys; null takes a key back to what it would be without the page. The keys that changed.
 
+        A secret that comes back as it was shown stays what it is.
+
         Raises ConfigError and changes nothing when one of them is unknown, out of range or fixed at start.
         """
+        secret = {info.key for info in setting_infos() if info.secret}
+        values = {key: value for key, value in values.items() if not (key in secret and value == HIDDEN)}
         fixed = [f"{key} is set by {origin}; change it there" for key in values if (origin := self._fixed_by(key))]
         if fixed:
             raise ConfigError("\n".join(fixed))
