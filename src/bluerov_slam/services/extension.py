@@ -105,6 +105,7 @@ class Extension:
         self.sensor_http = WebServer(build_websocket_port_app("Sensor data", self.bare.handle))
         self._ticker: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._changing = asyncio.Lock()
 
     async def start(self) -> None:
         """Open the ports, then the link. Raises ExpectedError naming the setting when a port is taken."""
@@ -148,7 +149,14 @@ class Extension:
         self.hub.publish(Event(self.link.source.now_s(), level, text))
 
     async def change_settings(self, change: Callable[[], frozenset[str]]) -> None:
-        """Carry out a change of the store, which writes a file, and put into force what can be at once."""
+        """Carry out a change of the store, which writes a file, and put into force what can be at once.
+
+        One after the other: two pages that change something at the same moment must not undo each other.
+        """
+        async with self._changing:
+            await self._change_settings(change)
+
+    async def _change_settings(self, change: Callable[[], frozenset[str]]) -> None:
         changed = await asyncio.to_thread(change)
         groups = {key.split(".", 1)[0] for key in changed}
         settings = self.store.settings
