@@ -244,3 +244,17 @@ async def test_random_datagrams_harm_nothing_and_nothing_of_them_is_shown(viewer
     async with http.get(url(viewer, "/api/status")) as answer:
         status = await answer.json()
     assert (status["a_bb55"], status["a_pings"], status["peers"]) == (0, 0, [])
+
+
+async def test_where_the_vehicle_was_is_not_told_as_where_it_is(viewer, monkeypatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(viewer.desk, "_now_s", lambda: clock[0])
+    viewer.link.listener.on_message("vehicle", {"type": "vehicle", "depth_m": 8.5, "sound_speed_mps": 1502.0})
+    clock[0] += 2.0
+    viewer.desk.forget_old_vehicle()
+    assert viewer.desk.greeting()["vehicle"] == {"depth_m": 8.5, "sound_speed_mps": 1502.0}
+    assert viewer.forwarder.state()["sound_speed_ctd_mps"] == 1502.0
+    clock[0] += 2.0
+    viewer.desk.forget_old_vehicle()
+    assert viewer.desk.greeting()["vehicle"] == {"depth_m": None, "sound_speed_mps": None}
+    assert viewer.forwarder.state()["sound_speed_ctd_mps"] is None
