@@ -75,8 +75,9 @@ async def test_without_a_link_it_is_healthy_and_every_value_is_unknown(unplugged
     assert health == {"status": "healthy", "serial": False, "frames": 0, "protocol": "binary_v4"}
     latest = await unplugged.get("/api/latest")
     assert_seed_shape(latest)
-    assert latest["imu"]["r"] is None
-    assert latest["gps"]["alive"] is False
+    values = [value for part in latest.values() if isinstance(part, dict) for value in part.values()]
+    assert latest["ts"] is None
+    assert set(values) == {None, False}, "neither a count nor a value before the first frame"
     assert await unplugged.get("/api/dvl") == {"vx": 0.0, "vy": 0.0, "vz": 0.0, "valid": False}
     assert set((await unplugged.get("/api/ctd")).values()) == {None}
 
@@ -192,7 +193,7 @@ async def test_crossed_cables_are_put_right_everywhere_by_one_switch(tmp_path):
         state = await running.until("/api/state", lambda s: s["sonars"]["B"]["pings"] > 3)
         assert state["sonars"]["A"]["pings"] == 0
         assert channels == {Channel.B}
-        latest = await running.until("/api/latest", lambda frame: frame["kb"]["pkts"] > 0)
+        latest = await running.until("/api/latest", lambda frame: (frame["kb"]["pkts"] or 0) > 0)
         assert latest["ka"]["pkts"] == 0
         assert "settings changed: sonar.swap_a_b" in running.events()
 
@@ -207,6 +208,22 @@ async def test_settings_are_refused_whole_with_the_range_and_live_ones_act_at_on
     await unplugged.call("PATCH", "/api/settings", json={"forwarding.targets": ["127.0.0.1", "127.0.0.2"]})
     forwarding = (await unplugged.get("/api/state"))["forwarding"]
     assert {entry["target"] for entry in forwarding} == {"127.0.0.1", "127.0.0.2"}
+
+
+async def test_changes_at_the_same_moment_are_all_kept(unplugged):
+    keys = [key for key, value in (await changeable(unplugged)).items() if value is False]
+    assert len(keys) > 3
+    answers = await asyncio.gather(*(unplugged.call("PATCH", "/api/settings", json={key: True}) for key in keys))
+    assert {status for status, _ in answers} == {200}
+    kept = await changeable(unplugged)
+    assert all(kept[key] is True for key in keys)
+    saved = json.loads(unplugged.extension.store.file.read_text())
+    assert set(saved["settings"]) == set(keys)
+
+
+async def changeable(running):
+    listing = await running.get("/api/settings")
+    return {entry["key"]: entry["value"] for entry in listing["settings"] if not entry["fixed_by"]}
 
 
 async def test_settings_can_be_backed_up_and_restored(unplugged):
