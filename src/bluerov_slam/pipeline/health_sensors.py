@@ -8,13 +8,21 @@ from bluerov_slam.pipeline.health_model import ChipState, FaultLevel, Finding, w
 from bluerov_slam.records import Channel, FixType, Sender
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from bluerov_slam.pipeline.health_memory import HealthMemory
     from bluerov_slam.pipeline.health_model import HealthFacts
     from bluerov_slam.records import GpsFix, Ping, SensorSample
 
+    Check = Callable[[float, HealthMemory, HealthFacts], Finding]
+
 STALE_AFTER_S = 3.0
 UNDER_WATER_M = 0.5
 INCOMPLETE_SHARE_SHOWN = 0.02
+# One ping with a gap is what joining a running sonar in the middle of a ping leaves.
+INCOMPLETE_PINGS_EXCUSED = 1
+# Sensors and sonars need a moment after power-up: what does not talk then is not yet missing.
+STARTING_MS = 5000
 SONAR_ERRORS_SHOWN = 3
 
 _PINS = {Channel.A: "RX 16, TX 17", Channel.B: "RX 25, TX 26"}
@@ -38,7 +46,7 @@ def check_sonar(channel: Channel, now_s: float, memory: HealthMemory, facts: Hea
             age_s=age_s,
         )
     pings, incomplete = memory.ping_rate[channel].increase, memory.pings_incomplete[channel].increase
-    if incomplete and incomplete > INCOMPLETE_SHARE_SHOWN * pings:
+    if incomplete > max(INCOMPLETE_PINGS_EXCUSED, INCOMPLETE_SHARE_SHOWN * pings):
         return wrong(
             f"sonar_{channel.value.lower()}_gaps",
             f"{incomplete} of {max(pings, incomplete)} pings have gaps",
@@ -87,6 +95,19 @@ def _silent_sonar(channel: Channel, now_s: float, memory: HealthMemory, age_s: f
         level=FaultLevel.WARNING,
         age_s=age_s,
     )
+
+
+def patient(check: Check) -> Check:
+    """The check, silent about faults while the board is starting."""
+
+    def check_patiently(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding:
+        finding, sample = check(now_s, memory, facts), memory.sensors
+        starting = sample is not None and sample.device_ms < STARTING_MS and _fresh(now_s, sample.arrived_s)
+        if finding.fault is None or not starting:
+            return finding
+        return Finding(ChipState.UNKNOWN, "Starting", age_s=finding.age_s)
+
+    return check_patiently
 
 
 def check_imu(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding:
