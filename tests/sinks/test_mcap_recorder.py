@@ -2,6 +2,7 @@ import errno
 import json
 import os
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import orjson
@@ -10,8 +11,9 @@ from mcap.reader import make_reader
 
 from bluerov_slam.pipeline.health import RecorderState
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
-from bluerov_slam.records import Channel, Event, EventLevel, LinkBytes, LinkBytesSent
+from bluerov_slam.records import Channel, Event, EventLevel, FixType, LinkBytes, LinkBytesSent
 from bluerov_slam.sinks import append_file
+from bluerov_slam.sinks.dive_track import DiveTrack
 from bluerov_slam.sinks.mcap_log import SESSION_METADATA, McapLog
 from bluerov_slam.sinks.mcap_recorder import PRE_ROLL_BYTES, RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import is_complete, scan_mcap
@@ -105,6 +107,18 @@ def test_gps_time_dates_a_session_whose_wall_clock_was_wrong(tmp_path, clock):
     assert session["gps_utc_offset_s"] == pytest.approx(60_000_000.0)
     assert session["wall_clock_trusted"] is False
     assert session["started_unix_s"] == pytest.approx(1_700_000_005.1)
+
+
+def test_the_time_of_a_receiver_without_a_fix_dates_nothing(tmp_path, clock):
+    target = recorder(tmp_path, clock)
+    feed(target, clock, 1.0)
+    own_clock = replace(gps_fix(clock.now_s, 1_000_000_000.0), fix=FixType.NONE, latitude_deg=None, longitude_deg=None)
+    target.observe(own_clock)
+    feed(target, clock, 1.0)
+    target.finish()
+    session = orjson.loads((only_session(tmp_path) / "session.json").read_bytes())
+    assert (session["gps_utc_offset_s"], session["wall_clock_trusted"]) == (None, None)
+    assert DiveTrack.of([own_clock], 5.0).utc_offset_s == 5.0
 
 
 def test_gps_time_that_agrees_makes_the_wall_clock_trusted(tmp_path, clock):

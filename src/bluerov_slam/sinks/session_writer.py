@@ -230,7 +230,8 @@ class SessionWriter:
                 self._cut.remove(path)
 
     def _note_gps(self, fix: records.GpsFix) -> None:
-        if fix.utc_unix_s is None:
+        # Before its first fix a receiver tells the time of its own clock, which may be off by anything.
+        if fix.utc_unix_s is None or fix.fix is records.FixType.NONE:
             return
         self._gps_offsets_s.append(fix.utc_unix_s - (fix.measured_s + self.wall_offset_ns * 1e-9))
         if len(self._gps_offsets_s) == 1:
