@@ -278,7 +278,7 @@ def test_without_an_output_name_it_lands_beside_the_recording(dive, tmp_path):
     [
         (b"", "jsonl", "is empty"),
         (b"hello", "klf", "is no recording"),
-        (b"\xaa\x55 but nothing after it" * 50, "csv", "no valid frame"),
+        (b"\xaa\x55 but nothing after it" * 50, "csv", "no frame of it inside"),
     ],
 )
 def test_what_cannot_be_converted_is_refused_in_one_line_with_nothing_left_behind(tmp_path, content, target, cure):

@@ -40,6 +40,7 @@ from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mcap_recorder import Recorder, RecordingLimits
 from bluerov_slam.sinks.udp_kogger import UdpKogger
 from bluerov_slam.sinks.websocket import Broadcaster
+from bluerov_slam.sources.replay import ReplaySource
 from bluerov_slam.sources.serial_port import SerialPort
 
 _log = logging.getLogger(__name__)
@@ -74,6 +75,8 @@ class Extension:
         decoder = decoder or LinkDecoder(**decoder_settings(settings))
         if isinstance(source, SerialPort):
             source.frames_understood = lambda: decoder.counters.link.frames_ok
+        elif isinstance(source, ReplaySource):
+            source.on_vehicle = self.hub.publish
         self.wall = wall or WallClock(wall_time(), source.now_s())
         self._observed_wall_time = None if wall else wall_time
         self.recorder = self._make_recorder(settings) if source.kind == "serial" else None
