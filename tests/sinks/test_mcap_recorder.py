@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import shutil
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from bluerov_slam.sinks.dive_track import DiveTrack
 from bluerov_slam.sinks.mcap_log import SESSION_METADATA, McapLog
 from bluerov_slam.sinks.mcap_recorder import PRE_ROLL_BYTES, RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import is_complete, scan_mcap
+from bluerov_slam.sources.recording_reader import open_recording
 from recording_samples import FakeClocks, feed, gps_fix, ping, recorder, sensor_sample
 
 
@@ -444,3 +446,27 @@ def test_when_much_waits_decoded_pings_give_way_to_raw_bytes(tmp_path, clock, fu
     pings = sum(len(messages(part, topic)) for part in parts for topic in ("/ping/a", "/ping/b"))
     assert 12 < pings < 112
     assert any(f"{112 - pings} decoded pings and IMU bursts were left out" in text for text in told)
+
+
+@pytest.mark.parametrize("what", ["session", "moved", "mcap", "jsonl", "everything"])
+def test_a_session_deleted_while_it_is_written_is_followed_by_a_new_one(tmp_path, clock, what):
+    told: list[str] = []
+    folder = tmp_path / "recordings"
+    target = recorder(folder, clock, on_event=lambda level, text: told.append(text))
+    feed(target, clock, 2.0)
+    first = only_session(folder)
+    {
+        "session": lambda: shutil.rmtree(first),
+        "moved": lambda: first.rename(tmp_path / "kept"),
+        "mcap": (first / "link_000.mcap").unlink,
+        "jsonl": next(first.glob("*.jsonl")).unlink,
+        "everything": lambda: shutil.rmtree(folder),
+    }[what]()
+    blocks = feed(target, clock, 2.0)
+    second = target.active_name
+    assert target.facts().state is RecorderState.RECORDING
+    target.finish()
+    assert second != first.name
+    assert [text for text in told if f"{first.name} was deleted or moved" in text]
+    read = [LinkBytes(m.data, m.publish_ns / 1e9) for m in open_recording(folder / second).messages(("/link/raw",))]
+    assert read[-len(blocks) :] == blocks, "nothing after the deletion is lost"
