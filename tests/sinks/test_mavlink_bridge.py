@@ -1,4 +1,5 @@
 import asyncio
+import socket
 from collections import Counter
 from dataclasses import replace
 
@@ -242,14 +243,29 @@ async def test_faults_come_and_go_as_status_text(router, make_bridge):
     assert len({m.id for m in texts}) == 2
 
 
-async def test_an_unreachable_target_is_an_error_text_not_an_exception(clock):
-    bridge = MavlinkBridge(MavlinkOptions(enabled=True, target_port=9), lambda record: None, clock)
+async def test_a_target_without_address_is_an_error_text_not_an_exception(clock):
+    options = MavlinkOptions(enabled=True, target_host="nowhere.invalid")
+    bridge = MavlinkBridge(options, lambda record: None, clock)
     await bridge.start()
-    clock.now += 10.0
-    while bridge.facts().error is None:
+    async with asyncio.timeout(30):
+        while bridge.facts().error is None:
+            bridge.on_record(sensor_sample())
+            await asyncio.sleep(0.01)
+    await bridge.stop()
+
+
+async def test_where_nobody_listens_nobody_answers_and_that_is_no_error(clock):
+    """The state of every BlueOS before the endpoint is added: the page then says how to add it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    bridge = MavlinkBridge(MavlinkOptions(enabled=True, target_port=port), lambda record: None, clock)
+    await bridge.start()
+    for _ in range(50):
         bridge.on_record(sensor_sample())
-        await asyncio.sleep(0.01)
-    assert "127.0.0.1:9" in bridge.facts().error
+        await asyncio.sleep(0.005)
+    facts = bridge.facts()
+    assert (facts.error, facts.peer_alive) == (None, False)
     await bridge.stop()
 
 
