@@ -15,10 +15,20 @@ from bluerov_slam.protocol.esp32_messages import (
 )
 from bluerov_slam.protocol.kogger import build_frame
 from bluerov_slam.protocol.kogger_commands import uart_baud_frame, version_get_frame
-from bluerov_slam.records import AckResult, Channel, CommandAck, DeviceStatus, LinkBytes, LinkBytesSent, Ping
+from bluerov_slam.records import (
+    AckResult,
+    Channel,
+    CommandAck,
+    DeviceStatus,
+    ImuBurst,
+    LinkBytes,
+    LinkBytesSent,
+    Ping,
+)
 from bluerov_slam.services.channel_swap import swapped, swapped_counters
 from bluerov_slam.services.esp_link import TIME_SYNC_TRIES, CommandOutcome, EspLink
 from bluerov_slam.services.hub import Hub
+from pipeline.esp32_stream import imu
 from samples import sensor_sample
 
 FRAME = version_get_frame(0)
@@ -188,6 +198,17 @@ async def test_firmware_that_answers_is_synchronised_every_ten_seconds(link, sou
             hub.publish(status(echoed_host_us=int.from_bytes(syncs(source)[-1][1:9], "little")))
     assert len(syncs(source)) == 10
     assert int.from_bytes(syncs(source)[-1][1:9], "little") == 190_000_000
+
+
+async def test_what_waited_for_more_is_decoded_when_the_port_is_lost(link, source, hub):
+    blocks, bursts = collect(hub, LinkBytes), collect(hub, ImuBurst)
+    frame = imu(0)
+    source.on_data(frame[:10], 100.0)
+    source.on_data(frame[10:] + imu(50_000)[:8], 100.01)
+    assert (len(blocks), bursts) == (1, []), "it waits for the frame behind it"
+    source.open = False
+    source.on_change()
+    assert (len(blocks), len(bursts)) == (2, 1)
 
 
 async def test_crossed_cables_are_put_right_in_both_directions(link, source):

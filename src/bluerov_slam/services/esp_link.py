@@ -244,6 +244,8 @@ class EspLink:
         self._watch.bytes_per_s = SLOW_BAUD / 10 if facts.baud <= SLOW_BAUD else None
         if connected and not self._connected:
             self._sync_tries, self._sync_due_s = 0, 0.0
+        elif not connected:
+            self._decode_held()  # nothing comes that it could wait for
         self._connected = connected
         self._on_change()
 
