@@ -200,7 +200,7 @@ async def test_contacts_survive_without_extension_and_restart(viewer, http, tmp_
 
 async def test_a_second_viewer_on_the_same_ports_says_so(viewer, tmp_path) -> None:
     second = ViewerService(settings(tmp_path, **{"viewer.udp_port_a": viewer.udp[Channel.A].port}))
-    with pytest.raises(ExpectedError, match="is in use"):
+    with pytest.raises(ExpectedError, match=r"\(viewer.udp_port_a\) is in use"):
         await second.start()
     third = ViewerService(settings(tmp_path, **{"viewer.port": viewer.http.port}))
     with pytest.raises(ExpectedError, match=r"viewer\.port"):
