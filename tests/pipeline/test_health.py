@@ -289,6 +289,9 @@ def test_a_sensor_that_fails(changes: dict[str, int], chip_id: str, fault_id: st
     bench.run(3, lambda k: healthy(k, **changes))
     assert word in bench.fault(fault_id).cure
     assert bench.chip(chip_id).state in (ChipState.FAULT, ChipState.WARN)
+    if fault_id.endswith(("_silent", "_missing")):
+        # The frame that tells of the silence is not data of the sensor.
+        assert bench.chip(chip_id).age_s is None
     others = [chip.id for chip in bench.health.chips if chip.state is not ChipState.OK]
     assert set(others) - {"mavlink"} <= {chip_id, "ctd"}
 

@@ -123,7 +123,6 @@ def check_imu(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "The IMU does not talk: no power, wrong pins (RX 13, TX 15), another baud rate than 9600, or more than "
             "three software serial ports in use.",
             "Check its 5 V and wires; restart the ESP32.",
-            age_s=age_s,
         )
     if sample.roll_rad is None:
         return wrong(
@@ -153,7 +152,6 @@ def check_depth(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Findi
             "The MS5837 does not answer at I2C address 0x76: pull-ups missing, wires longer than 10 cm, "
             "or a loose plug.",
             "Check SDA 21, SCL 22, 4.7 kOhm to 3.3 V and the plug.",
-            age_s=age_s,
         )
     if sample.pressure_pa is None:
         return _unbelievable_pressure(sample, age_s)
@@ -192,7 +190,6 @@ def check_ctd(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "The TSYS01 does not answer at I2C address 0x77: pull-ups missing, wires longer than 10 cm, "
             "or a loose plug.",
             "Check SDA 21, SCL 22, 4.7 kOhm to 3.3 V and the plug.",
-            age_s=age_s,
         )
     if not sample.ec_alive:
         return wrong(
@@ -200,7 +197,6 @@ def check_ctd(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "Conductivity silent",
             "The EZO EC does not talk: no power, wires swapped (RX 19, TX 18), or set to I2C mode (blue light).",
             "Check its wires; switch it to UART mode (green light), 9600 baud.",
-            age_s=age_s,
         )
     if sample.conductivity_s_per_m is None:
         return _unbelievable_conductivity(sample, age_s)
@@ -243,7 +239,6 @@ def check_gps(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "Silent",
             "The GPS receiver does not talk: no power, wrong pins (RX 27, TX 14), or another baud rate than 9600.",
             "Check its supply and wires; restart the ESP32.",
-            age_s=age_s,
         )
     if _has_fix(now_s, sample, fix):
         kind = "2D fix" if fix is not None and fix.fix is FixType.FIX_2D else "Fix"
