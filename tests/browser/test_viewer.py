@@ -578,11 +578,33 @@ def test_keys_are_listed_and_every_tool_has_a_name(system: RunningSystem, open_p
     assert nameless == []
 
 
+def test_a_side_without_pings_says_so_in_its_half(system: RunningSystem, open_page: OpenPage) -> None:
+    def send(route: WebSocketRoute) -> None:
+        for number in range(20):
+            route.send(packed_ping(number, 1000 + number / 10, bytes([200]) * 1000, ()))
+
+    page = open_page(system.viewer, prepare=instead_of_pings(send))
+    until(page, "viewer.waterfall.live('A').length === 20")
+    until(page, "viewer.overlay.silence.B === 'no pings'")
+    until(page, "viewer.overlay.silence.A.startsWith('silent for ')")
+
+
+def test_the_strip_tells_what_the_extension_knows(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer)
+    expect(page.locator("[data-chip=depth]")).to_contain_text(" m")
+    expect(page.locator("[data-chip=recorder]")).to_contain_text("Recording")
+    expect(page.locator("[data-chip=others]")).to_be_hidden()
+    page.set_viewport_size({"width": 390, "height": 844})
+    expect(page.locator("[data-chip=imu]")).to_be_hidden()
+    page.locator("[data-chip=others]").click()
+    expect(page.get_by_role("dialog", name="Vehicle")).to_contain_text("Recorder: Recording")
+
+
 def test_tab_reaches_everything_and_focus_is_seen(system: RunningSystem, open_page: OpenPage) -> None:
     page = open_page(system.viewer)
     live(page)
     reached = []
-    for _ in range(22):
+    for _ in range(32):
         page.keyboard.press("Tab")
         reached.append(
             page.evaluate("""() => {

@@ -18,6 +18,7 @@ GREETING = [
     {"type": "settings", "mirror": True},
     {"type": "fed", "addresses": ["192.168.2.1"]},
     {"type": "recording", "name": None},
+    {"type": "health", "chips": [{"id": "link", "state": "ok"}]},
 ]
 CHART = build_frame(KoggerId.CHART, bytes(20))
 ANSWER = build_frame(KoggerId.TRANSCEIVER, b"\xa3\x02\x0a\x01")
@@ -50,6 +51,7 @@ class Annotations:
 @pytest.fixture
 async def rig(tmp_path):
     rig = SimpleNamespace(hub=Hub(), commands=[], gate=asyncio.Event(), recording=None, annotations=Annotations())
+    rig.chips = [{"id": "link", "state": "ok"}]
     rig.gate.set()
 
     async def command(channel, frame):
@@ -57,7 +59,7 @@ async def rig(tmp_path):
         await rig.gate.wait()
         return CommandResult(CommandOutcome.OK, "done")
 
-    facts = ViewerFacts(lambda: ["192.168.2.1"], lambda: {"mirror": True}, lambda: rig.recording)
+    facts = ViewerFacts(lambda: ["192.168.2.1"], lambda: {"mirror": True}, lambda: rig.recording, lambda: rig.chips)
     rig.token_file = tmp_path / "state" / "viewer-link.token"
     rig.link = ViewerLink(rig.hub, rig.token_file, command, rig.annotations, facts)
     rig.link.write_token()
@@ -203,6 +205,14 @@ async def test_the_vehicle_is_told_at_most_twice_a_second(rig):
         assert [message.get("depth_m") for message in messages[:-1]] == [0.0, 5.0, 10.0]
         assert messages[0]["heading_deg"] == pytest.approx(354.27)
         assert messages[-1] == {"type": "recording", "name": "session_1"}
+
+
+async def test_the_viewer_is_told_each_second_how_every_part_is(rig):
+    async with connect(rig) as socket:
+        await greeted(socket)
+        rig.chips = [{"id": "link", "state": "fault", "text": "ESP32 not found"}]
+        rig.link.tick()
+        assert await socket.receive_json(timeout=5) == {"type": "health", "chips": rig.chips}
 
 
 async def test_a_viewer_that_left_is_forgotten(rig):

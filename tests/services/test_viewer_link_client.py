@@ -155,11 +155,13 @@ async def test_what_the_extension_says_reaches_the_listener_and_nonsense_does_no
     await extension.say({"type": "recording", "name": "session_20260101_000000"})
     await extension.say({"type": "vehicle", "heading_deg": 12.0})
     await extension.say({"type": "settings", "mirror": True})
+    await extension.say({"type": "health", "chips": [{"id": "link"}, "nonsense"]})
     await extension.say({"type": "sonar_frame", "channel": "A", "frame": "bb55"})
     async with asyncio.timeout(5):
         assert await frames.get() == (Channel.A, b"\xbb\x55")
     assert facts.fed == {"192.168.2.1"}
     assert facts.recording == "session_20260101_000000"
+    assert facts.chips == [{"id": "link"}]
     assert (facts.vehicle, facts.settings) == ({"heading_deg": 12.0}, {"mirror": True})
     assert frames.empty()
     assert client.unreadable == 4

@@ -102,7 +102,7 @@ export class StatusStrip {
     const label = make('span', { class: 'chip-label' });
     const text = make('span', { class: 'chip-text' });
     button.append(icon, label, text);
-    const item = make('li', {}, button);
+    const item = make('li', { dataset: { part: id } }, button);
     this.list.append(item);
     const data = { id, label: id, state: 'unknown' };
     const view = { item, button, icon, label, text, data };

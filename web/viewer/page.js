@@ -259,6 +259,7 @@ export class ViewerPage {
       channels[name] = { ageS: (now - lastArrivalMs) / 1000, perS: this.perS[name], missed, loss };
     }
     const { phase } = this.feed.connection.state;
+    this.transport.showSilence(phase === 'open');
     this.strip?.update(
       chipsOf({
         phase,
@@ -478,6 +479,13 @@ export class ViewerPage {
       document.documentElement
         .requestFullscreen?.()
         .catch(() => toast('Full screen is not allowed here.', 'fault'));
+  }
+
+  /** It has its own port; the path of this page may be a proxy's. */
+  openDashboard() {
+    const port = this.status?.dashboard_port;
+    if (Number.isInteger(port)) window.open(`http://${location.hostname}:${port}/`, '_blank', 'noopener');
+    else toast('The service has not said yet where the dashboard is.', 'fault');
   }
 
   theme() {

@@ -23,9 +23,15 @@ export class ToolBar {
     );
     this.add('layout', 'View', 'Side by side, stacked, one side (1 to 4)', () => page.nextLayout());
     this.add('snapshot', 'Save', 'Snapshot as PNG (S)', () => page.snapshot());
+    this.add('sensors', 'Sensors', 'The dashboard with every sensor, in another tab', () =>
+      page.openDashboard(),
+    );
     this.add('theme', 'Theme', 'Light or dark (T)', () => this.switchTheme());
     this.add('full', 'Full', 'Full screen (F)', () => page.fullScreen());
     this.add('help', 'Keys', 'Keys and gestures (?)', () => page.help());
+    this.count = make('span', { class: 'count', 'aria-hidden': 'true' });
+    this.count.hidden = true;
+    this.tools.contacts.button.append(this.count);
     for (const name of ['picture', 'contacts', 'sonar']) {
       setAttribute(this.tools[name].button, 'aria-expanded', 'false');
       setAttribute(this.tools[name].button, 'aria-controls', 'panel');
@@ -42,10 +48,10 @@ export class ToolBar {
       type: 'button',
       id: `tool-${name}`,
       title,
-      'aria-label': title,
       on: { click },
     });
     button.append(image, text);
+    setAttribute(button, 'aria-label', `${label}: ${title}`);
     this.tools[name] = { button, icon: image, text };
     this.root.append(button);
   }
@@ -61,12 +67,14 @@ export class ToolBar {
     const { icon: image, text, button } = this.tools.pause;
     setIcon(image, paused ? 'play' : 'pause');
     setText(text, paused ? 'Live' : 'Pause');
-    setAttribute(button, 'aria-label', paused ? 'Back to live (Space)' : 'Pause (Space)');
+    setAttribute(button, 'aria-label', paused ? 'Live: back to live (Space)' : 'Pause (Space)');
   }
 
   /** @param {number} contacts */
   showContacts(contacts) {
-    setText(this.tools.contacts.text, contacts > 0 ? `${contacts}` : 'Contacts');
+    this.count.hidden = contacts === 0;
+    setText(this.count, String(contacts));
+    setAttribute(this.tools.contacts.button, 'aria-label', `Contacts: ${contacts} named (C)`);
   }
 
   /** @param {string | null} name */

@@ -230,7 +230,12 @@ class Extension:
             settings.state_folder / TOKEN_FILE,
             self.link.command,
             self.recordings,
-            ViewerFacts(lambda: self.udp.addresses, self._viewer_settings, self._active_recording),
+            ViewerFacts(
+                lambda: self.udp.addresses,
+                self._viewer_settings,
+                self._active_recording,
+                lambda: self.status.chips(),
+            ),
         )
 
     def _make_status(self) -> StatusReport:

@@ -63,6 +63,7 @@ class ViewerDesk:
             "channels": {channel.value: state.status() for channel, state in self._channels.items()},
             "extension_link": self._link.connected,
             "link_message": self._link.message,
+            "chips": self._facts.chips if self._link.connected else [],
             "peers": [peer for state in self._channels.values() for peer in state.gateway.peers()],
             "history": self._outlets.history_status(),
             "recording": self._facts.recording,
@@ -70,6 +71,7 @@ class ViewerDesk:
             "simulated": self._outlets.simulated,
             "mirror": bool(self._facts.settings.get("mirror", self._settings.sonar.mirror)),
             "clients": self._outlets.clients,
+            "dashboard_port": self._settings.http.port,
             # Ping numbers begin anew with each start.
             "started_unix_s": self._started_unix_s,
             "versions": {"viewer": __version__},

@@ -51,6 +51,7 @@ class ViewerFacts:
     fed: Callable[[], Sequence[str]]
     settings: Callable[[], dict[str, Any]]
     recording: Callable[[], str | None]
+    chips: Callable[[], list[dict[str, Any]]]
 
 
 class ViewerLink:
@@ -128,16 +129,18 @@ class ViewerLink:
         self._send_all("settings", **self._facts.settings())
 
     def tick(self) -> None:
-        """Once a second: has the recording changed?"""
+        """Once a second: has the recording changed, and how is each part?"""
         name = self._facts.recording()
         if name != self._recording:
             self._recording = name
             self._send_all("recording", name=name)
+        self._send_all("health", chips=self._facts.chips())
 
     def _greet(self, queue: BoundedQueue[bytes]) -> None:
         queue.put(_message("settings", **self._facts.settings()))
         queue.put(_message("fed", addresses=list(self._facts.fed())))
         queue.put(_message("recording", name=self._facts.recording()))
+        queue.put(_message("health", chips=self._facts.chips()))
 
     async def _listen(
         self, socket: web.WebSocketResponse, queue: BoundedQueue[bytes], tasks: asyncio.TaskGroup
