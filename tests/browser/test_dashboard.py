@@ -173,7 +173,7 @@ def faulty(message: dict[str, Any]) -> dict[str, Any]:
         for chip in message["data"]["chips"]:
             if chip["id"] == "sonar_b":
                 chip |= {"state": "fault", "text": "Silent", "cause": cause, "cure": cure, "age_s": 34.0}
-        fault = {"id": "sonar_b", "level": "error", "title": "Sonar B is silent", "cause": cause, "cure": cure}
+        fault = {"id": "sonar_b_silent", "level": "error", "title": "Sonar B is silent", "cause": cause, "cure": cure}
         message["data"]["faults"] = [fault]
     return message
 
@@ -204,6 +204,23 @@ def test_a_fault_is_told_in_the_banner_and_on_the_health_page(system: RunningSys
     expect(trouble.locator(".badge")).to_be_visible()
     trouble.locator("summary").click()
     expect(trouble).to_contain_text("12 V")
+
+
+def test_inside_blueos_the_plots_stand_beside_the_instruments(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, width=1180, height=800)
+    live(page)
+    boxes = [chip.bounding_box() for chip in page.locator("#strip li").all()]
+    assert len({box["y"] for box in boxes}) == 1  # type: ignore[index]
+    plots, depth = page.locator(".card-plots").bounding_box(), page.locator(".card-depth").bounding_box()
+    assert plots
+    assert depth
+    assert plots["x"] > depth["x"] + depth["width"]
+    assert plots["y"] < 400
+
+
+def test_the_waterfall_is_one_click_away(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    expect(page.get_by_role("link", name="Waterfall")).to_have_attribute("href", system.viewer)
 
 
 def test_the_banner_keeps_its_place_with_and_without_a_fault(system: RunningSystem, open_page: OpenPage) -> None:

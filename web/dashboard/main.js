@@ -113,6 +113,12 @@ function refresh() {
   live.refresh(nowMs);
 }
 
+/** @param {any} answer  of GET api/settings */
+function viewerPort(answer) {
+  const settings = Array.isArray(answer?.settings) ? answer.settings : [];
+  return settings.find((/** @type {any} */ setting) => setting?.key === 'viewer.port')?.value;
+}
+
 /** Drawing waits for the browser's own frame, so that a hidden tab costs nothing. */
 function draw() {
   live.draw(performance.now());
@@ -129,4 +135,4 @@ new Source(onMessage, (state) => {
   if (phase === 'open') health.loadEvents();
 }).start();
 void prefill(model, live);
-void loadDisplaySettings();
+void loadDisplaySettings().then((answer) => live.linkViewer(viewerPort(answer)));

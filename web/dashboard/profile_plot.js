@@ -63,12 +63,13 @@ export class ProfilePlot {
   /** @returns {import('uplot').Options} */
   options() {
     const rem = remPx();
-    const line = (/** @type {string} */ scale, /** @type {string} */ color) => ({
+    const line = (/** @type {string} */ scale, /** @type {string} */ color, /** @type {number} */ point) => ({
       scale,
       stroke: () => colors(color)[0],
-      width: 2,
-      points: { show: false },
-      spanGaps: true,
+      width: (2 * rem) / 16,
+      // Each layer's mean is a point: a single one is seen, too, and where none is the line breaks.
+      points: { show: true, size: rem * point, fill: () => colors(color)[0] },
+      spanGaps: false,
     });
     const depth = honestScale((_, deepest) => depthRange(deepest));
     const temperature = honestScale((low, high) => roomyRange(low, high, 0.5));
@@ -84,7 +85,8 @@ export class ProfilePlot {
         t: { ori: 0, dir: 1, range: temperature.range },
         c: { ori: 0, dir: 1, range: sound.range },
       },
-      series: [{}, line('t', '--plot-temperature'), line('c', '--plot-sound')],
+      // Where both lie on one spot, the larger point below is seen around the smaller one.
+      series: [{}, line('t', '--plot-temperature', 0.45), line('c', '--plot-sound', 0.25)],
       axes: [
         {
           ...axisColors,
@@ -93,7 +95,7 @@ export class ProfilePlot {
           side: 3,
           font: plotFont(),
           size: rem * 2.6,
-          space: 44,
+          space: rem * 2.75,
         },
         {
           ...axisColors,
@@ -102,7 +104,7 @@ export class ProfilePlot {
           side: 2,
           font: plotFont(),
           size: rem * 1.7,
-          space: 46,
+          space: rem * 2.9,
           stroke: () => colors('--plot-temperature')[0],
         },
         {
@@ -112,7 +114,7 @@ export class ProfilePlot {
           side: 0,
           font: plotFont(),
           size: rem * 1.7,
-          space: 56,
+          space: rem * 3.5,
           grid: { show: false },
           stroke: () => colors('--plot-sound')[0],
         },
