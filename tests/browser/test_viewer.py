@@ -597,7 +597,7 @@ def test_the_strip_tells_what_the_extension_knows(system: RunningSystem, open_pa
     page.set_viewport_size({"width": 390, "height": 844})
     expect(page.locator("[data-chip=imu]")).to_be_hidden()
     page.locator("[data-chip=others]").click()
-    expect(page.get_by_role("dialog", name="Vehicle")).to_contain_text("Recorder: Recording")
+    expect(page.get_by_role("dialog", name="Vehicle")).to_contain_text("Recording")
 
 
 def test_tab_reaches_everything_and_focus_is_seen(system: RunningSystem, open_page: OpenPage) -> None:

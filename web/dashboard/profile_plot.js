@@ -3,6 +3,7 @@
 
 import { make, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
+import { isKnown } from '../shared/format.js';
 import { colors, onThemeChange } from '../shared/theme.js';
 import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './uplot.js';
 import { roomyRange } from './time_plots.js';
@@ -16,6 +17,20 @@ const SHORTEST_MS = 1000;
  */
 function depthRange(deepestM) {
   return deepestM === null ? [null, null] : [0, Math.max(1, deepestM * 1.05)];
+}
+
+/**
+ * Layers without a neighbour.
+ * @param {import('uplot')} plot
+ * @param {number} series
+ */
+export function aloneInWater(plot, series) {
+  const values = plot.data[series];
+  const alone = [];
+  for (let i = 0; i < values.length; i += 1) {
+    if (isKnown(values[i]) && !isKnown(values[i - 1]) && !isKnown(values[i + 1])) alone.push(i);
+  }
+  return alone;
 }
 
 export class ProfilePlot {
@@ -67,8 +82,8 @@ export class ProfilePlot {
       scale,
       stroke: () => colors(color)[0],
       width: (2 * rem) / 16,
-      // Each layer's mean is a point: a single one is seen, too, and where none is the line breaks.
-      points: { show: true, size: rem * point, fill: () => colors(color)[0] },
+      // A layer alone between unmeasured water is no line: it is seen as a point.
+      points: { show: true, size: rem * point, fill: () => colors(color)[0], filter: aloneInWater },
       spanGaps: false,
     });
     const depth = honestScale((_, deepest) => depthRange(deepest));

@@ -22,6 +22,7 @@ import {
 } from '../dashboard/setting_values.js';
 import { socketCandidates } from '../dashboard/source.js';
 import { timeSplits } from '../dashboard/time_axis.js';
+import { aloneInWater } from '../dashboard/profile_plot.js';
 import { roomyRange } from '../dashboard/time_plots.js';
 import { TROUBLES, isRelated } from '../dashboard/troubleshooting.js';
 import { honestScale } from '../dashboard/uplot.js';
@@ -96,6 +97,11 @@ test('of the list, only what names a fault of now is marked', () => {
     ['A sonar is not detected', 'The GPS answers but has no fix'],
   );
   assert.deepEqual(related(), []);
+});
+
+test('only a layer alone in unmeasured water is drawn as a point', () => {
+  const plot = /** @type {any} */ ({ data: [[], [17, null, 12, 11, null, 9]] });
+  assert.deepEqual(aloneInWater(plot, 1), [0, 5]);
 });
 
 test('the marks of an axis say where they stand', () => {

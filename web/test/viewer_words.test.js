@@ -11,6 +11,7 @@ import { FIELDS, outcomeText, parseField, readBack, samplesFor } from '../viewer
 import { FIRST_CHIPS, chipsOf, waitingText } from '../viewer/status.js';
 import { Track } from '../viewer/track.js';
 import { widgetOptions } from '../viewer/widget.js';
+import { detailLines } from '../shared/status_strip.js';
 
 /** @type {import('../viewer/contacts.js').Contact} */
 const CONTACT = {
@@ -148,7 +149,14 @@ test('where there is no room, the worst of the other parts speaks for all', () =
   );
   const others = chip({ status }, 'others');
   assert.deepEqual([others.state, others.cure], ['fault', 'Delete.']);
-  assert.match(String(others.text), /^Recorder: Disk full; GPS: No fix$/);
+  assert.equal(others.text, 'Recorder: Disk full');
+  assert.deepEqual(
+    detailLines(others).filter(([label]) => label === 'GPS' || label === 'Depth'),
+    [
+      ['Depth', '2.46 m'],
+      ['GPS', 'No fix'],
+    ],
+  );
 });
 
 test('chips of an extension that fell silent are forgotten', () => {

@@ -128,14 +128,13 @@ function othersChip(parts) {
   const rank = (/** @type {ChipData} */ part) => WORST_FIRST.indexOf(part.state);
   const wrong = parts.filter((part) => part.state === 'fault' || part.state === 'warn');
   wrong.sort((one, other) => rank(one) - rank(other));
+  const lines = parts.map((part) => /** @type {[string, string]} */ ([part.label, part.text ?? '-']));
   if (wrong.length === 0) {
     const isKnown = parts.every((part) => part.state !== 'unknown');
-    const text = parts.map((part) => `${part.label}: ${part.text}`).join('; ');
-    return { ...chip, state: isKnown ? 'ok' : 'unknown', text };
+    return { ...chip, state: isKnown ? 'ok' : 'unknown', text: isKnown ? 'no faults' : '-', parts: lines };
   }
-  const [worst] = wrong;
-  const text = wrong.map((part) => `${part.label}: ${part.text}`).join('; ');
-  return { ...chip, state: worst.state, text, cause: worst.cause, cure: worst.cure, age_s: worst.age_s };
+  const [{ state, label, text, cause, cure }] = wrong;
+  return { ...chip, state, text: `${label}: ${text}`, cause, cure, parts: lines };
 }
 
 /**
