@@ -193,10 +193,9 @@ class EspLink:
         try:
             if not self._send(encode(sequence)):
                 return _result(CommandOutcome.NO_LINK)
-            async with asyncio.timeout(self._ack_timeout_s):
-                return _result(_OUTCOMES[await answer])
-        except TimeoutError:
-            return _result(CommandOutcome.TIMEOUT)
+            # What came counts, also when this process was held up and finds answer and deadline in the same moment.
+            await asyncio.wait((answer,), timeout=self._ack_timeout_s)
+            return _result(_OUTCOMES[answer.result()] if answer.done() else CommandOutcome.TIMEOUT)
         finally:
             self._under_way.discard(message)
             self._waiting.pop(key, None)
