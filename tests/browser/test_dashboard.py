@@ -63,9 +63,8 @@ def test_instruments_and_plots_draw_something(system: RunningSystem, open_page: 
 def test_a_page_opened_late_shows_the_dive_before_it(
     system: RunningSystem, open_page: OpenPage, tmp_path: Path
 ) -> None:
-    deadline = time.monotonic() + 30
-    while system.get("api/recordings")["recordings"][0]["duration_s"] < 6 and time.monotonic() < deadline:
-        time.sleep(0.2)
+    system.active_recording(lambda dive: (dive["duration_s"] or 0.0) >= 6.0)
+    opened = time.time()
     page = open_page(system.dashboard)
     live(page)
 
@@ -79,13 +78,12 @@ def test_a_page_opened_late_shows_the_dive_before_it(
         rows = seen()[1:]  # none before the first sample is drawn
         return float(rows[0].split(",")[1]) if rows else math.inf
 
-    began = time.time() - 3
-    until(page, lambda: first_unix_s() < began)
+    until(page, lambda: first_unix_s() < opened - 3)
     lines = seen()
     assert lines[0] == "time_utc,unix_s,depth [m],temperature [°C],salinity [PSU],soundSpeed [m/s]"
     times = [float(line.split(",")[1]) for line in lines[1:]]
     assert times == sorted(times)
-    assert abs(times[-1] - time.time()) < 10
+    assert opened - 60 < times[-1] < time.time() + 1
 
 
 def test_plots_pause_change_window_and_are_saved_as_a_picture(
@@ -286,7 +284,7 @@ def test_the_page_outlives_a_restart_of_the_extension(system: RunningSystem, ope
     (extension,) = [child for child in children if "extension" in child.cmdline()]
     extension.send_signal(signal.SIGKILL)
     expect(page.locator("#connection-text")).not_to_have_text("Live")
-    expect(page.locator("#connection-text")).to_have_text("Live", timeout=40_000)
+    expect(page.locator("#connection-text")).to_have_text("Live")
     expect(page.locator("#panel-live .card.stale")).to_have_count(0)
 
 
@@ -364,11 +362,12 @@ def test_nothing_jumps_while_values_come_and_go(system: RunningSystem, open_page
                 (source.node?.outerHTML ?? source.node?.data)?.slice(0, 80)]))))
             .observe({type: 'layout-shift'})""")
     seen: set[str] = set()
-    deadline = time.monotonic() + 15
-    while len(seen) < 4 and time.monotonic() < deadline:
+
+    def seen_coming_and_going() -> bool:
         seen.add(value(page, "roll").inner_text())
-    assert "-" in seen
-    assert len(seen) >= 4
+        return "-" in seen and len(seen) >= 4
+
+    until(page, seen_coming_and_going)
     assert page.evaluate("window.jumps") == []
 
 

@@ -15,12 +15,11 @@ import pytest
 from playwright.sync_api import Browser, FrameLocator, Page, WebSocketRoute, expect
 
 from browser_rig import OpenPage, PrefixProxy, RunningSystem, Watch
+from patience import PATIENCE_S
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 20.0
 SIZES = {"320 px": (320, 640), "phone": (360, 740), "tablet": (820, 1180), "laptop": (1440, 900), "4K": (3840, 2160)}
-expect.set_options(timeout=PATIENCE_S * 1000)
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 LOST = ("WebSocket", "ERR_CONNECTION", "Failed to load resource", "ERR_FAILED", "ERR_EMPTY_RESPONSE")
 CHROMIUM = os.environ.get("BLUEROV_SLAM_CHROMIUM", "/usr/bin/chromium")
@@ -441,6 +440,7 @@ def test_a_contact_can_be_dropped_by_keyboard_alone(system: RunningSystem, open_
     expect(page.locator("#readout-range")).to_contain_text("m stbd")
     page.locator("#stage").focus()
     page.keyboard.press("Enter")
+    expect(page.get_by_label("Name", exact=True)).to_be_focused()
     page.keyboard.type("By keys")
     page.keyboard.press("Enter")
     expect(page.locator("#toast")).to_contain_text("By keys saved")
@@ -801,6 +801,7 @@ def test_on_a_phone_the_way_back_to_live_is_whole(system: RunningSystem, open_pa
     live(page)
     page.keyboard.press("Space")
     until(page, "viewer.newPings > 3")
+    expect(page.locator("#back-to-live")).to_be_visible()
     stage, back = page.locator("#stage").bounding_box(), page.locator("#back-to-live").bounding_box()
     assert stage
     assert back

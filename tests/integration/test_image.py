@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import stat
 import subprocess
 import time
@@ -10,21 +9,17 @@ import urllib.request
 
 import pytest
 
+from free_ports import free_port
+
 IMAGE = os.environ.get("IMAGE")
 EMULATED = os.environ.get("ARCH", "amd64") != "amd64"
 
 pytestmark = [
     pytest.mark.long,
     pytest.mark.image,
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(1800),
     pytest.mark.skipif(not IMAGE, reason="scripts/test-image builds the image and names it in IMAGE"),
 ]
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def podman(*arguments, check=True):

@@ -13,6 +13,7 @@ from bluerov_slam.pipeline.health import Fault, FaultLevel
 from bluerov_slam.records import ImuBurst, VehicleAttitude, VehicleBattery, VehicleMotionDelta
 from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mavlink_transport import wanted_frames
+from patience import PATIENCE_S
 from samples import ctd_sample, gps_fix, sensor_sample
 
 
@@ -43,7 +44,7 @@ class Router(asyncio.DatagramProtocol):
     async def until(self, condition):
         while not condition():
             self.arrived.clear()
-            await asyncio.wait_for(self.arrived.wait(), 5.0)
+            await asyncio.wait_for(self.arrived.wait(), PATIENCE_S)
 
 
 class Clock:

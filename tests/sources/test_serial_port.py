@@ -1,6 +1,9 @@
 import asyncio
 import fcntl
 import os
+import sys
+import termios
+import time
 import tty
 
 import pytest
@@ -9,6 +12,7 @@ from bluerov_slam.pipeline.health import PortState
 from bluerov_slam.sources import serial_port
 from bluerov_slam.sources.port_search import find_candidates
 from bluerov_slam.sources.serial_port import OpenFailure, SerialPort, SerialState, open_port
+from patience import PATIENCE_S
 
 
 class Board:
@@ -69,10 +73,17 @@ class Reader:
         return self.missing
 
     async def until(self, condition):
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             while not condition():
                 self.news.clear()
                 await self.news.wait()
+
+
+def waiting_bytes(port):
+    """What the port could read now."""
+    count = bytearray(4)
+    fcntl.ioctl(port._descriptor, termios.FIONREAD, count)
+    return int.from_bytes(count, sys.byteorder)
 
 
 async def soon(_seconds):
@@ -238,6 +249,8 @@ async def test_reading_pauses_for_the_missing_bytes_of_a_frame_and_wakes_once(de
     first_s = reader.arrived_s
     for _ in range(20):
         board.say(b"2")
+    while waiting_bytes(reader.port) < 20:  # the kernel takes its time to carry them over
+        time.sleep(0.001)
     await reader.until(lambda: len(reader.data) > 1)
     assert bytes(reader.data) == b"1" + b"2" * 20
     assert reader.arrived_s - first_s >= 100 * 10 / 115200 * 0.9
