@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import random
 import shutil
 import tracemalloc
 from dataclasses import replace
@@ -194,7 +195,7 @@ def test_begins_a_new_file_by_time_and_loses_no_block(tmp_path, clock):
 
 def test_begins_a_new_file_by_size(tmp_path, clock):
     target = recorder(tmp_path, clock, RecordingLimits(max_file_bytes=9_000, min_free_bytes=0))
-    blocks = feed(target, clock, 5.0, os.urandom(2000))
+    blocks = feed(target, clock, 5.0, random.Random(1).randbytes(2000))
     target.finish()
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
     assert len(parts) >= 4
