@@ -58,6 +58,7 @@ class ExtensionProcess:
                 [sys.executable, "-m", "bluerov_slam", *command, *flags], stdout=log, stderr=log
             )
         self._slave = slave
+        self.feeders: list[Feeder] = []
 
     def __enter__(self) -> ExtensionProcess:
         return self
@@ -66,6 +67,8 @@ class ExtensionProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.kill()
+        for feeder in self.feeders:
+            feeder.end()
         os.close(self._master)
         os.close(self._slave)
 
@@ -119,6 +122,7 @@ class Feeder(threading.Thread):
         self._target = target
         self._blocks = blocks
         self._ended = threading.Event()
+        target.feeders.append(self)
 
     def run(self) -> None:
         begin = time.monotonic()
