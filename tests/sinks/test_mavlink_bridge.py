@@ -13,6 +13,7 @@ from bluerov_slam.pipeline.health import Fault, FaultLevel
 from bluerov_slam.records import ImuBurst, VehicleAttitude, VehicleBattery, VehicleMotionDelta
 from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mavlink_transport import wanted_frames
+from free_ports import free_port
 from patience import PATIENCE_S
 from samples import ctd_sample, gps_fix, sensor_sample
 
@@ -244,11 +245,15 @@ async def test_faults_come_and_go_as_status_text(router, make_bridge):
     assert len({m.id for m in texts}) == 2
 
 
-async def test_a_target_without_address_is_an_error_text_not_an_exception(clock):
+async def test_a_target_without_address_is_an_error_text_not_an_exception(clock, monkeypatch):
+    async def no_address(*_args, **_options):  # a name server that is out of reach would take its time to say so
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", no_address)
     options = MavlinkOptions(enabled=True, target_host="nowhere.invalid")
     bridge = MavlinkBridge(options, lambda record: None, clock)
     await bridge.start()
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE_S):
         while bridge.facts().error is None:
             bridge.on_record(sensor_sample())
             await asyncio.sleep(0.01)
@@ -257,14 +262,13 @@ async def test_a_target_without_address_is_an_error_text_not_an_exception(clock)
 
 async def test_where_nobody_listens_nobody_answers_and_that_is_no_error(clock):
     """The state of every BlueOS before the endpoint is added: the page then says how to add it."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    bridge = MavlinkBridge(MavlinkOptions(enabled=True, target_port=port), lambda record: None, clock)
+    options = MavlinkOptions(enabled=True, target_port=free_port())
+    bridge = MavlinkBridge(options, lambda record: None, clock)
     await bridge.start()
-    for _ in range(50):
-        bridge.on_record(sensor_sample())
-        await asyncio.sleep(0.005)
+    async with asyncio.timeout(PATIENCE_S):
+        while bridge.facts().sent < 5:
+            bridge.on_record(sensor_sample())
+            await asyncio.sleep(0.005)
     facts = bridge.facts()
     assert (facts.error, facts.peer_alive) == (None, False)
     await bridge.stop()
