@@ -29,6 +29,7 @@ def open_store(state: Path, **settings: object) -> SettingsStore:
     """Settings for a test: free ports, loopback, little disk; `settings` as group__key=value."""
     flags: dict[str, object] = {
         "paths.state": str(state),
+        "recording.min_free_mb": 10,
         "http.host": "127.0.0.1",
         "http.port": 0,
         "http.sensor_ws_port": 0,

@@ -189,23 +189,36 @@ async def test_a_second_extension_on_the_same_port_says_so_and_harms_nothing(tmp
         assert (await running.get("/health"))["status"] == "healthy"
 
 
-async def command(*arguments, **environment):
-    return await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "bluerov_slam", *arguments,
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, env={**os.environ, **environment},
-    )  # fmt: skip
+@pytest.fixture
+async def command():
+    """Starts `bluerov-slam` with these words; what has not ended by itself ends with the test."""
+    started = []
+
+    async def start(*arguments):
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "bluerov_slam", *arguments,
+            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        if process.returncode is None:
+            process.kill()
+            await process.communicate()
 
 
 def extension_arguments(tmp_path, *more):
     flags = {
         "paths.state": tmp_path / "state", "http.host": "127.0.0.1", "http.port": 0, "http.sensor_ws_port": 0,
         "viewer.udp_port_a": free_port(), "viewer.udp_port_b": free_port(),
-        "serial.port": tmp_path / "dev" / "ttyUSB0",
+        "serial.port": tmp_path / "dev" / "ttyUSB0", "recording.min_free_mb": 10,
     }  # fmt: skip
     return ["extension", *(part for key, value in flags.items() for part in ("--set", f"{key}={value}")), *more]
 
 
-async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_and_range(tmp_path):
+async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_and_range(tmp_path, command):
     config = tmp_path / "dive.toml"
     config.write_text(
         '[serial]\nbauds = 115200\n[recording]\nmax_file_mb = "10 MB"\n[sensors]\nsurface_pressure_pa = 1013.25\n'
@@ -222,7 +235,7 @@ async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_an
     )
 
 
-async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_line(tmp_path):
+async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_line(tmp_path, command):
     async with running_extension(tmp_path / "state", port=serial_port(tmp_path / "dev")) as running:
         process = await command(*extension_arguments(tmp_path), "--set", f"http.port={running.extension.http.port}")
         async with asyncio.timeout(PATIENCE_S):
@@ -234,7 +247,7 @@ async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_li
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_a_signal_ends_the_service_with_the_recording_closed(tmp_path, number):
+async def test_a_signal_ends_the_service_with_the_recording_closed(tmp_path, command, number):
     async with running_simulator(tmp_path / "dev"):
         process = await command(*extension_arguments(tmp_path))
         folder = tmp_path / "state" / "recordings"

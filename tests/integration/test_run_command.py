@@ -16,7 +16,7 @@ async def test_run_simulate_brings_both_pages_up_restarts_what_crashes_and_stops
         key: free_port() for key in ("http.port", "http.sensor_ws_port", "viewer.port", "viewer.waterfall_ws_port")
     }
     flags = {
-        **ports, "http.host": "127.0.0.1", "paths.state": tmp_path / "state",
+        **ports, "http.host": "127.0.0.1", "paths.state": tmp_path / "state", "recording.min_free_mb": 10,
         "viewer.udp_port_a": free_port(), "viewer.udp_port_b": free_port(),
     }  # fmt: skip
     process = await asyncio.create_subprocess_exec(

@@ -53,6 +53,7 @@ class Vehicle:
             "viewer.udp_port_b": free_port(),
             "forwarding.targets": ["127.0.0.1", FED_TOPSIDE],
             "paths.state": str(folder / "state"),
+            "recording.min_free_mb": 10,
         }
         self.store = SettingsStore.open(None, self._flags, {})
         self.simulator = Simulator(VirtualEsp32(scenario, baud=baud), link=folder / "esp32")

@@ -29,8 +29,8 @@ from bluerov_slam.records import (
 from bluerov_slam.services.channel_swap import swapped, swapped_counters
 from bluerov_slam.services.esp_link import TIME_SYNC_TRIES, CommandOutcome, EspLink
 from bluerov_slam.services.hub import Hub
-from pipeline.esp32_stream import imu
 from patience import PATIENCE_S
+from pipeline.esp32_stream import imu
 from samples import sensor_sample
 
 FRAME = version_get_frame(0)

@@ -16,12 +16,13 @@ from patience import PATIENCE_S
 
 
 class Board:
-    """A pseudo-terminal that stands for the ESP32's port; unplugging closes it."""
+    """A pseudo-terminal that stands for the ESP32's port; unplugging removes its names and closes it."""
 
     def __init__(self):
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.node = os.ttyname(slave)
+        self.links = []
         os.close(slave)
 
     def say(self, data):
@@ -31,7 +32,11 @@ class Board:
         return os.read(self.master, 4096)
 
     def unplug(self):
+        """The kernel gives the number away at once: a name left behind would lead to the port of another test."""
         if self.master is not None:
+            for link in self.links:
+                if link.is_symlink() and os.readlink(link) == self.node:
+                    link.unlink()
             os.close(self.master)
             self.master = None
 
@@ -51,12 +56,13 @@ def devices(tmp_path):
 
 
 def plug(devices, board, by_id="usb-Silicon_Labs_CP2102_0001-if00-port0", node="ttyUSB0"):
-    (devices / node).unlink(missing_ok=True)
-    (devices / node).symlink_to(board.node)
+    names = [devices / node]
     if by_id:
-        link = devices / "serial" / "by-id" / by_id
+        names.append(devices / "serial" / "by-id" / by_id)
+    for link in names:
         link.unlink(missing_ok=True)
         link.symlink_to(board.node)
+        board.links.append(link)
 
 
 class Reader:
@@ -149,7 +155,6 @@ async def test_recovers_by_itself_when_replugged_under_another_node(devices, sta
     reader = start("auto")
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
     first.unplug()
-    (devices / "ttyUSB0").unlink()
     await reader.until(lambda: reader.port.state is not SerialState.CONNECTED)
     plug(devices, second, node="ttyUSB1")
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
