@@ -217,7 +217,7 @@ async def test_the_viewer_is_told_each_second_how_every_part_is(rig):
         await greeted(socket)
         rig.chips = [{"id": "link", "state": "fault", "text": "ESP32 not found"}]
         rig.link.tick()
-        assert await socket.receive_json(timeout=5) == {"type": "health", "chips": rig.chips}
+        assert await socket.receive_json(timeout=PATIENCE_S) == {"type": "health", "chips": rig.chips}
 
 
 async def test_a_viewer_that_left_is_forgotten(rig):
