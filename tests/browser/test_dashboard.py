@@ -43,6 +43,10 @@ def test_a_replay_is_called_so(system: RunningSystem, open_page: OpenPage) -> No
 
     page = open_page(system.dashboard, prepare=changed_messages(replayed))
     expect(page.locator("#source-badge")).to_have_text("REPLAY")
+    expect(page.locator("#connection-text")).to_have_text("Replay")
+    page.get_by_role("tab", name="Recordings").click()
+    expect(page.get_by_role("button", name="Start recording")).to_be_hidden()
+    expect(page.locator(".recorder-sentence")).to_have_text("A replay is not recorded again.")
 
 
 def test_instruments_and_plots_draw_something(system: RunningSystem, open_page: OpenPage) -> None:

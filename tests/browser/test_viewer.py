@@ -708,6 +708,32 @@ def test_says_that_the_data_is_simulated(system: RunningSystem, open_page: OpenP
     expect(page.locator("#simulated")).to_be_visible()
 
 
+def test_a_replay_is_never_called_live(system: RunningSystem, open_page: OpenPage) -> None:
+    def handle(route: WebSocketRoute) -> None:
+        server = route.connect_to_server()
+
+        def downward(message: str | bytes) -> None:
+            told = json.loads(message) if isinstance(message, str) else {}
+            if told.get("topic") == "status":
+                message = json.dumps({**told, "data": told["data"] | {"source": "replay"}})
+            route.send(message)
+
+        server.on_message(downward)
+
+    page = open_page(system.viewer, prepare=lambda page: page.route_web_socket(re.compile(r"/ws$"), handle))
+    expect(page.locator("#simulated")).to_have_text("REPLAY")
+    expect(page.locator("#transport-state")).to_have_text("● Replay")
+
+
+def test_the_dashboard_is_one_click_away(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer)
+    live(page)
+    until(page, "viewer.status !== null")
+    with page.context.expect_page() as opened:
+        page.locator("#tool-sensors").click()
+    assert opened.value.url.startswith(system.dashboard)
+
+
 def test_works_in_an_iframe_under_a_prefix(
     system: RunningSystem, open_page: OpenPage, prefix_proxy: Callable[..., PrefixProxy]
 ) -> None:

@@ -87,7 +87,8 @@ function ownState(nowMs) {
   const statusS = ageS(model.statusAtMs, nowMs);
   const since = (/** @type {number | null} */ seconds) => (seconds === null ? '' : ` ${age(seconds)}`);
   const isHeard = statusS !== null && statusS <= STATUS_STALE_S;
-  if (phase === 'open' && isHeard) return { state: 'ok', text: 'Live', fault: null };
+  const isReplay = model.status?.source === 'replay';
+  if (phase === 'open' && isHeard) return { state: 'ok', text: isReplay ? 'Replay' : 'Live', fault: null };
   if (isHeard && phase !== 'open' && (sensorsS === null || sensorsS > STATUS_STALE_S)) {
     return { state: 'warn', text: `Status only${since(sensorsS)}`, fault: streamFault(sensorsS) };
   }

@@ -8,7 +8,7 @@ import { PALETTES } from '../viewer/palettes.js';
 import { parsePreferences } from '../viewer/preferences.js';
 import { amplitudeText } from '../viewer/readout.js';
 import { FIELDS, outcomeText, parseField, readBack, samplesFor } from '../viewer/sonar_fields.js';
-import { FIRST_CHIPS, chipsOf, waitingText } from '../viewer/status.js';
+import { FIRST_CHIPS, chipsOf, originOf, waitingText } from '../viewer/status.js';
 import { Track } from '../viewer/track.js';
 import { widgetOptions } from '../viewer/widget.js';
 import { detailLines } from '../shared/status_strip.js';
@@ -167,6 +167,14 @@ test('without a connection nothing is claimed about what lies behind it', () => 
   for (const id of ['sonar_a', 'sonar_b', 'loss', 'imu', 'recorder', 'others']) {
     assert.equal(chip({ phase: 'waiting' }, id).state, 'unknown');
   }
+});
+
+test('a replay and a simulation are called so, whoever says it first', () => {
+  assert.equal(originOf(null, false), '');
+  assert.equal(originOf(null, true), 'SIMULATED');
+  assert.equal(originOf({ simulated: false, source: 'serial' }, true), '');
+  assert.equal(originOf({ simulated: true, source: 'serial' }, false), 'SIMULATED');
+  assert.equal(originOf({ simulated: false, source: 'replay' }, false), 'REPLAY');
 });
 
 test('the empty picture says what it waits for', () => {

@@ -21,7 +21,7 @@ import { lossBetween } from './row_table.js';
 import { Readout } from './readout.js';
 import { saveSnapshot } from './snapshot.js';
 import { Stage } from './stage.js';
-import { FIRST_CHIPS, chipsOf, waitingText } from './status.js';
+import { FIRST_CHIPS, chipsOf, originOf, waitingText } from './status.js';
 import { ToolBar } from './tools.js';
 import { Track } from './track.js';
 import { Transport } from './transport.js';
@@ -160,6 +160,10 @@ export class ViewerPage {
     awake();
   }
 
+  get origin() {
+    return originOf(this.status, this.feed.simulated);
+  }
+
   /* What arrives */
 
   /** @param {any} message */
@@ -272,7 +276,10 @@ export class ViewerPage {
     );
     this.strip?.setStale(phase !== 'open');
     this.overlay.unit = this.feed.coarse && !(this.feed.coarseRangeM.A > 0) ? 'bin' : 'm';
-    byId('simulated', HTMLElement).hidden = !(this.status?.simulated ?? this.feed.simulated);
+    const origin = this.origin;
+    setText(byId('simulated', HTMLElement), origin);
+    byId('simulated', HTMLElement).hidden = origin === '';
+    this.transport.isReplay = origin === 'REPLAY';
     if (now - this.vehicleAtMs > STALE_AFTER_S * 1000) this.readout?.showVehicle(null);
     this.transport.showWaiting(waitingText(this.feed, this.waterfall.hasData, this.status));
     this.transport.show(this.newPings);
@@ -463,7 +470,7 @@ export class ViewerPage {
     try {
       await saveSnapshot(this.stage, {
         vehicle: performance.now() - this.vehicleAtMs < STALE_AFTER_S * 1000 ? this.vehicle : null,
-        simulated: this.status?.simulated ?? this.feed.simulated,
+        origin: this.origin,
         unixOffsetS: this.overlay.unixOffsetS,
         gainText: `Gain ${signed(gain.gainDb, 1)} dB, time-varied gain ${gain.tvg === 'off' ? 'off' : gain.tvg}`,
       });
@@ -479,13 +486,6 @@ export class ViewerPage {
       document.documentElement
         .requestFullscreen?.()
         .catch(() => toast('Full screen is not allowed here.', 'fault'));
-  }
-
-  /** It has its own port; the path of this page may be a proxy's. */
-  openDashboard() {
-    const port = this.status?.dashboard_port;
-    if (Number.isInteger(port)) window.open(`http://${location.hostname}:${port}/`, '_blank', 'noopener');
-    else toast('The service has not said yet where the dashboard is.', 'fault');
   }
 
   theme() {

@@ -196,6 +196,17 @@ function lossChip({ phase, status, channels }) {
 }
 
 /**
+ * What is not the water of now must be called so.
+ * @param {any} status
+ * @param {boolean} simulated as the pings say, for as long as there is no status
+ * @returns {'REPLAY' | 'SIMULATED' | ''}
+ */
+export function originOf(status, simulated) {
+  if (status?.source === 'replay') return 'REPLAY';
+  return (status?.simulated ?? simulated) ? 'SIMULATED' : '';
+}
+
+/**
  * What the empty picture says.
  * @param {{connection: {state: {phase: string}}}} feed
  * @param {boolean} hasData

@@ -3,6 +3,7 @@
 
 import { make, setAttribute, setText } from '../shared/dom.js';
 import { chooseTheme, currentTheme } from '../shared/theme.js';
+import { toast } from './dialogs.js';
 import { icon, setIcon } from './icons.js';
 
 /** @typedef {import('./page.js').ViewerPage} ViewerPage */
@@ -24,7 +25,7 @@ export class ToolBar {
     this.add('layout', 'View', 'Side by side, stacked, one side (1 to 4)', () => page.nextLayout());
     this.add('snapshot', 'Save', 'Snapshot as PNG (S)', () => page.snapshot());
     this.add('sensors', 'Sensors', 'The dashboard with every sensor, in another tab', () =>
-      page.openDashboard(),
+      openDashboard(page.status?.dashboard_port),
     );
     this.add('theme', 'Theme', 'Light or dark (T)', () => this.switchTheme());
     this.add('full', 'Full', 'Full screen (F)', () => page.fullScreen());
@@ -92,4 +93,13 @@ export class ToolBar {
   switchTheme() {
     chooseTheme(currentTheme() === 'dark' ? 'light' : 'dark');
   }
+}
+
+/**
+ * It has its own port; the path of this page may be a proxy's.
+ * @param {unknown} port
+ */
+function openDashboard(port) {
+  if (Number.isInteger(port)) window.open(`http://${location.hostname}:${port}/`, '_blank', 'noopener');
+  else toast('The service has not said yet where the dashboard is.', 'fault');
 }

@@ -28,6 +28,7 @@ export class Transport {
       byId('timeline-thumb', HTMLElement),
       handlers,
     );
+    this.isReplay = false;
     /** @type {(paused: boolean) => void} */
     this.onPaused = () => {};
   }
@@ -73,7 +74,7 @@ export class Transport {
 
   /** @param {'live' | 'paused' | 'stale'} kind @param {number} silentS */
   words(kind, silentS) {
-    if (kind === 'live') return '\u25cf Live';
+    if (kind === 'live') return this.isReplay ? '\u25cf Replay' : '\u25cf Live';
     if (kind === 'paused') return `Paused at ${this.topLabel()}`;
     return Number.isFinite(silentS) ? `No new pings for ${age(silentS)}` : 'No live pings';
   }

@@ -267,6 +267,7 @@ class Extension:
             "mirror": sonar.mirror,
             "kogger_app_may_change_settings": sonar.kogger_app_may_change_settings,
             "simulated": self.simulated,
+            "source": self.link.source.kind,
         }
 
     def _active_recording(self) -> str | None:

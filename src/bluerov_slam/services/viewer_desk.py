@@ -69,6 +69,7 @@ class ViewerDesk:
             "recording": self._facts.recording,
             "contacts": {"unsent": self._contacts.unsent, "message": self._contacts.message},
             "simulated": self._outlets.simulated,
+            "source": self._facts.settings.get("source"),
             "mirror": bool(self._facts.settings.get("mirror", self._settings.sonar.mirror)),
             "clients": self._outlets.clients,
             "dashboard_port": self._settings.http.port,
