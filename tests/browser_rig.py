@@ -22,9 +22,10 @@ from urllib.parse import urlsplit
 from aiohttp import ClientSession, WSMsgType, web
 from playwright.sync_api import Page
 
-from running_system import free_ports
+from free_ports import free_ports
+from patience import PATIENCE_S
 
-START_PATIENCE_S = 60.0
+START_PATIENCE_S = 120.0
 
 OpenPage = Callable[..., Page]
 
@@ -56,8 +57,19 @@ class RunningSystem:
 
     def get(self, path: str, base: str | None = None) -> Any:
         """The JSON answer of a GET of the extension, or of another base address."""
-        with urllib.request.urlopen((base or self.dashboard) + path, timeout=5) as response:
+        with urllib.request.urlopen((base or self.dashboard) + path, timeout=PATIENCE_S) as response:
             return json.load(response)
+
+    def active_recording(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The dive that is being recorded, once it satisfies the condition; there may be none for a while."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            overview = self.get("api/recordings")
+            active = next((dive for dive in overview["recordings"] if dive["name"] == overview["active"]), None)
+            if active is not None and condition(active):
+                return active
+            assert time.monotonic() < deadline, f"not within {PATIENCE_S} s; last: {json.dumps(overview)[:4000]}"
+            time.sleep(0.1)
 
     def until_up(self) -> None:
         """Return once the serial port is open and both pages are served."""
@@ -75,7 +87,7 @@ class RunningSystem:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGINT)
         try:
-            self.process.wait(20)
+            self.process.wait(PATIENCE_S)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
@@ -131,7 +143,7 @@ class PrefixProxy:
         self.port = 0
         self._thread = threading.Thread(target=self._loop.run_until_complete, args=(self._serve(),), daemon=True)
         self._thread.start()
-        assert self._ready.wait(10)
+        assert self._ready.wait(PATIENCE_S)
 
     @property
     def url(self) -> str:
@@ -146,7 +158,7 @@ class PrefixProxy:
     def close(self) -> None:
         """Stop serving."""
         self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join(10)
+        self._thread.join(PATIENCE_S)
 
     async def _serve(self) -> None:
         app = web.Application()

@@ -10,6 +10,8 @@ from typing import Any
 
 from playwright.sync_api import FrameLocator, Page, WebSocketRoute, expect
 
+from patience import PATIENCE_S
+
 
 def value(page: Page | FrameLocator, field: str) -> Any:
     """The number of a value cell."""
@@ -18,15 +20,15 @@ def value(page: Page | FrameLocator, field: str) -> Any:
 
 def live(page: Page | FrameLocator) -> None:
     """Wait until values come."""
-    expect(page.locator("#connection-text")).to_have_text("Live", timeout=20_000)
+    expect(page.locator("#connection-text")).to_have_text("Live")
     expect(value(page, "roll")).not_to_have_text("-")
 
 
 def until(page: Page, condition: Callable[[], bool]) -> None:
     """Wait until something holds that no locator can tell; the page's own policy forbids to evaluate in it."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, f"not within {PATIENCE_S} s"
         page.wait_for_timeout(50)
 
 

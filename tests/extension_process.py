@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 import tty
-import urllib.error
 import urllib.request
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-START_S = 40.0
+from free_ports import free_port
+from patience import PATIENCE_S
+
+# Two answers of a process further apart than this say nothing about how it spent the time between.
+SEEN_ALIVE_FOR_S = 0.2
 
 
-def free_port() -> int:
-    """A TCP port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = START_S) -> Any:
+def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
     """The first true value of `condition`; an AssertionError naming `what` when it stays false."""
     deadline = time.monotonic() + timeout_s
     while not (value := condition()):
@@ -62,6 +58,7 @@ class ExtensionProcess:
                 [sys.executable, "-m", "bluerov_slam", *command, *flags], stdout=log, stderr=log
             )
         self._slave = slave
+        self.feeders: list[Feeder] = []
 
     def __enter__(self) -> ExtensionProcess:
         return self
@@ -70,20 +67,23 @@ class ExtensionProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.kill()
+        for feeder in self.feeders:
+            feeder.end()
         os.close(self._master)
         os.close(self._slave)
 
     def get(self, path: str) -> Any:
-        """A JSON document, None while the service does not answer."""
+        """A JSON document, None while nobody listens."""
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}", timeout=5) as answer:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}", timeout=PATIENCE_S) as answer:
                 return json.load(answer)
-        except (urllib.error.URLError, OSError):
+        except OSError:
+            assert self.process.poll() is None, self.log.read_text(errors="replace")
             return None
 
     def wait_until_open(self) -> None:
         """Return once the serial port is open."""
-        wait_for(lambda: (self.get("/health") or {}).get("serial"), f"open port; log:\n{self.log.read_text()}")
+        wait_for(lambda: (self.get("/health") or {}).get("serial"), "open port")
 
     def recorder(self) -> Any:
         """The recorder's part of the status."""
@@ -94,10 +94,17 @@ class ExtensionProcess:
         while data:
             data = data[os.write(self._master, data[:2048]) :]
 
+    def drain(self) -> None:
+        """Take the bytes off the wire that a killed extension left on it: whoever writes more would wait for ever."""
+        os.set_blocking(self._slave, False)
+        with contextlib.suppress(BlockingIOError):
+            while os.read(self._slave, 65536):
+                pass
+
     def terminate(self) -> None:
         """End it as BlueOS does, and wait."""
         self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(20) == 0, self.log.read_text()
+        assert self.process.wait(PATIENCE_S) == 0, self.log.read_text()
 
     def kill(self) -> None:
         """SIGKILL."""
@@ -110,24 +117,52 @@ class Feeder(threading.Thread):
 
     def __init__(self, target: ExtensionProcess, blocks: Sequence[tuple[float, bytes]]) -> None:
         super().__init__(daemon=True)
-        self.written: list[tuple[float, bytes]] = []
+        self.written: list[bytes] = []
+        self.begun: list[bytes] = []
         self._target = target
         self._blocks = blocks
         self._ended = threading.Event()
+        target.feeders.append(self)
 
     def run(self) -> None:
         begin = time.monotonic()
         for at_s, data in self._blocks:
             if self._ended.wait(max(0.0, begin + at_s - time.monotonic())):
                 return
+            self.begun.append(data)
             self._target.write(data)
-            self.written.append((time.monotonic(), data))
+            self.written.append(data)
 
     def end(self) -> None:
-        """Stop writing."""
+        """Stop writing, once what was begun is written."""
         self._ended.set()
-        self.join(5)
+        deadline = time.monotonic() + PATIENCE_S
+        while self.is_alive():
+            assert time.monotonic() < deadline, "the extension takes no more bytes"
+            if self._target.process.returncode is not None:
+                self._target.drain()
+            self.join(0.05)
 
-    def bytes_until(self, at_s: float) -> bytes:
-        """Everything written up to this instant."""
-        return b"".join(data for written_s, data in self.written if written_s <= at_s)
+
+class Witness:
+    """Sees what an extension has received, and for how long it was seen running since."""
+
+    def __init__(self, target: ExtensionProcess) -> None:
+        self._target = target
+        self._seen: list[tuple[float, int]] = []
+        self._running_s = 0.0
+
+    def watch(self, running_s: float) -> None:
+        """Look until the extension was seen running for so long; a machine that stands still does not count."""
+        end_s, last_s = self._running_s + running_s, time.monotonic()
+        while self._running_s < end_s:
+            received = self._target.get("/api/state")["link"]["bytes"]
+            now_s = time.monotonic()
+            self._running_s += min(now_s - last_s, SEEN_ALIVE_FOR_S)
+            last_s = now_s
+            self._seen.append((self._running_s, received))
+            time.sleep(0.02)
+
+    def bytes_received_before(self, running_s: float) -> int:
+        """What it had received when it then ran for so long."""
+        return max((count for at_s, count in self._seen if self._running_s - at_s >= running_s), default=0)

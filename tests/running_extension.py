@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,30 +19,24 @@ from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.serial_port import SerialPort
+from free_ports import free_port
+from patience import PATIENCE_S
 
-PATIENCE_S = 10.0
 ORIGIN = {"Origin": "http://127.0.0.1"}
-
-
-def free_udp_port() -> int:
-    """A UDP port that nobody uses."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def open_store(state: Path, **settings: object) -> SettingsStore:
     """Settings for a test: free ports, loopback, little disk; `settings` as group__key=value."""
     flags: dict[str, object] = {
         "paths.state": str(state),
+        "recording.min_free_mb": 10,
         "http.host": "127.0.0.1",
         "http.port": 0,
         "http.sensor_ws_port": 0,
         "viewer.port": 0,
         "viewer.waterfall_ws_port": 0,
-        "viewer.udp_port_a": free_udp_port(),
-        "viewer.udp_port_b": free_udp_port(),
+        "viewer.udp_port_a": free_port(),
+        "viewer.udp_port_b": free_port(),
     }
     given = {key.replace("__", ".", 1): value for key, value in settings.items()}
     return SettingsStore.open(None, flags | given, {})
@@ -68,6 +61,14 @@ class Running:
         options.setdefault("headers", ORIGIN)
         async with self.client.request(method, path, **options) as response:
             return response.status, json.loads(await response.read())
+
+    async def configure_esp32(self, **values: Any) -> tuple[int, Any]:
+        """POST /api/esp32; again, as the user would, while its acknowledgement comes too late on a busy machine."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                status, answer = await self.call("POST", "/api/esp32", json=values)
+                if not str(answer.get("error")).startswith("timeout: "):
+                    return status, answer
 
     async def until(self, path: str, condition: Callable[[Any], bool]) -> Any:
         """Ask again until the answer satisfies the condition."""

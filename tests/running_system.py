@@ -7,9 +7,9 @@ import contextlib
 import itertools
 import json
 import signal
-import socket
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,14 +20,14 @@ import aiohttp
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
 from bluerov_slam.records import Channel, Ping, Record, SensorSample
 from bluerov_slam.services.simulator import BY_ID_NAME, Simulator
-from bluerov_slam.simulation.faults import parse_fault
+from bluerov_slam.simulation.faults import FaultKind, parse_fault
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import decode
+from free_ports import free_ports
+from patience import PATIENCE_S
 
-PATIENCE_S = 30.0
 ORIGIN = {"Origin": "http://127.0.0.1"}
-_STREAM = {socket.SOCK_STREAM: ("http", "sensor_ws", "viewer", "waterfall_ws"), socket.SOCK_DGRAM: ("udp_a", "udp_b")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +40,6 @@ class Window:
     def holds(self, ts: float, slack_ms: float) -> bool:
         """Whether a frame sent at `ts` may have met the fault."""
         return self.start_ms - slack_ms <= ts <= self.end_ms + slack_ms
-
-
-def free_ports() -> dict[str, int]:
-    """A free port for each that the services open, all different."""
-    with contextlib.ExitStack() as held:
-        ports: dict[str, int] = {}
-        for kind, names in _STREAM.items():
-            for name in names:
-                probe = held.enter_context(socket.socket(socket.AF_INET, kind))
-                probe.bind(("127.0.0.1", 0))
-                ports[name] = probe.getsockname()[1]
-        return ports
 
 
 class RunningServices:
@@ -99,6 +87,14 @@ class RunningServices:
         async with self.client.request(method, self.url(path, service), **options) as response:
             return response.status, json.loads(await response.read())
 
+    async def configure_esp32(self, **values: Any) -> tuple[int, Any]:
+        """POST /api/esp32; again, as the user would, while its acknowledgement comes too late on a busy machine."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                status, answer = await self.call("POST", "/api/esp32", json=values)
+                if not str(answer.get("error")).startswith("timeout: "):
+                    return status, answer
+
     async def until(self, path: str, condition: Callable[[Any], bool], service: str = "http") -> Any:
         """Ask again until the answer satisfies the condition."""
         answer = None
@@ -139,14 +135,14 @@ class RunningServices:
         for process in self.processes.values():
             process.send_signal(signal.SIGTERM)
         for name, process in self.processes.items():
-            assert await asyncio.to_thread(process.wait, 15) == 0, self.log(name)
+            assert await asyncio.to_thread(process.wait, PATIENCE_S) == 0, self.log(name)
 
     async def kill(self) -> None:
         """Nothing outlives the test."""
         await self.client.close()
         for process in self.processes.values():
             process.kill()
-            process.wait()
+            await asyncio.to_thread(process.wait)
 
     def records(self) -> list[Record]:
         """The only recorded dive, decoded afresh from its raw bytes."""
@@ -166,6 +162,7 @@ class Dive:
         self.samples = samples
         self.sensors: list[dict[str, Any]] = []
         self.pings: list[Ping] = []
+        self._ping_times_unix_s: list[float] = []
         self._listeners: list[asyncio.Task[None]] = []
 
     @property
@@ -202,21 +199,37 @@ class Dive:
         self.simulator.inject(parse_fault(f"{fault} at={start_s} duration={duration_s}"))
         return Window(start_s * 1000.0, (start_s + duration_s) * 1000.0)
 
+    def replug(self) -> None:
+        """End an `unplug` that was to last until it had been seen."""
+        self.simulator.board._replug()
+
+    def let_speak(self, *sensors: str) -> None:
+        """End a `silent` that was to last until it had been seen."""
+        board = self.simulator.board
+        board._faults = [f for f in board._faults if f.kind is not FaultKind.SILENT or f.sensor not in sensors]
+
     async def past(self, window: Window, margin_ms: float = 500.0) -> None:
         """Wait until sensor frames from after the window have come."""
         end_ms = window.end_ms + margin_ms
         await self.until(lambda: self.now_ms > end_ms and self.ts[-1] >= end_ms, f"sensor frame after {end_ms} ms")
 
     async def whole_pings(self, count: int = 5) -> None:
-        """From now on both sonars bring nothing but whole pings, at least so many each."""
-        start = len(self.pings)
+        """Whatever is measured from now on is nothing but whole pings, at least so many of each sonar.
+
+        Pings come by way of the viewer and may be behind the sensors: when they were measured counts.
+        """
+        since_s = self.sensors[-1]["extra"]["measured_unix_s"]
+
+        def new() -> list[Ping]:
+            times = zip(self._ping_times_unix_s, self.pings, strict=True)
+            return [ping for measured_unix_s, ping in times if measured_unix_s > since_s]
 
         def enough() -> bool:
-            new = self.pings[start:]
-            return all(sum(ping.channel is channel for ping in new) >= count for channel in Channel)
+            found = Counter(ping.channel for ping in new())
+            return all(found[channel] >= count for channel in Channel)
 
         await self.until(enough, f"{count} pings of each sonar")
-        assert [shape(ping) for ping in self.pings[start:] if not self.is_whole(ping)] == []
+        assert [shape(ping) for ping in new() if not self.is_whole(ping)] == []
 
     def is_whole(self, ping: Ping) -> bool:
         """All samples, no gap."""
@@ -274,7 +287,10 @@ class Dive:
             await stream.send_json({"subscribe": ["A", "B"]})
             async for message in stream:
                 if message.type is aiohttp.WSMsgType.BINARY:
-                    self.pings.append(unpack_ping(message.data).ping)
+                    found = unpack_ping(message.data)
+                    assert found.time_unix_s is not None
+                    self.pings.append(found.ping)
+                    self._ping_times_unix_s.append(found.time_unix_s)
 
 
 def chips(state: Mapping[str, Any]) -> dict[str, Any]:

@@ -78,6 +78,11 @@ def test_an_unknown_group_is_refused_too():
         ("mavlink.enabled", "maybe", "expected true or false"),
         ("mavlink.system_id", 255, "expected a whole number from 1 to 254"),
         ("forwarding.targets", ["a b"], "expected a list of at most 16 names or addresses"),
+        ("mavlink.target_host", "a b", "expected a host name or an address"),
+        ("mavlink.mavlink2rest_url", "http://x", "expected nothing, or an address that begins with ws:// or wss://"),
+        ("serial.port", "", "expected text of 1 to 255 characters"),
+        ("mavlink.component_id", 1, "expected another number: this is the autopilot's; ours is 197"),
+        ("mavlink.component_id", 190, "expected another number: this is a ground station's; ours is 197"),
         ("sonar.a_position_frd_m", [0.0, 0.0], "expected a list of three numbers from -10 to 10 in m"),
     ],
 )
@@ -87,6 +92,17 @@ def test_a_bad_value_names_file_key_value_and_allowed_range(key, value, expected
     assert error.lines[0].startswith(f"dive.toml: {key} = ")
     assert expected in error.lines[0]
     assert error.keys == ((key, "dive.toml"),)
+
+
+@pytest.mark.parametrize("more", [{}, {"mavlink.target_port": 14401}])
+def test_mavlink_never_goes_to_the_nmea_port_of_the_surface_computer(more):
+    with pytest.raises(InvalidSettingsError) as caught:
+        combine([Layer("dive.toml", {"mavlink.target_host": "192.168.2.1", **more})])
+    assert caught.value.keys == (("mavlink.target_host", "dive.toml"),)
+    assert caught.value.lines[0].startswith(
+        'dive.toml: mavlink.target_host = "192.168.2.1": expected an endpoint on the'
+    )
+    assert combine([Layer("x", {"mavlink.target_host": "192.168.2.1", "mavlink.target_port": 14550})])
 
 
 def test_every_fault_gets_its_own_line():

@@ -325,6 +325,9 @@ class LinkCounters:
     resyncs: int = 0
 
 
+VehicleRecord = VehicleAttitude | VehicleServoOutput | VehicleBattery | VehicleMotionDelta
+"""What the vehicle's own messages say, beside the link."""
+
 Record = (
     SensorSample
     | CtdSample
@@ -338,8 +341,5 @@ Record = (
     | LinkBytes
     | LinkBytesSent
     | Event
-    | VehicleAttitude
-    | VehicleServoOutput
-    | VehicleBattery
-    | VehicleMotionDelta
+    | VehicleRecord
 )

@@ -54,8 +54,11 @@ def test_a_recording_can_be_named_remarked_and_deleted_only_after_a_question(
 def test_a_recording_is_downloaded_file_by_file_and_whole(
     system: RunningSystem, open_page: OpenPage, tmp_path: Path
 ) -> None:
+    name = system.active_recording(
+        lambda dive: any(file["name"].endswith(".jsonl") and file["bytes"] > 1000 for file in dive["files"])
+    )["name"]
     page = open_page(f"{system.dashboard}#recordings")
-    dive = page.locator(".recording").first
+    dive = page.locator(f".recording[data-name={name}]")
     with page.expect_download() as export:
         dive.get_by_role("link", name="Export zip").click()
     export.value.save_as(tmp_path / "dive.zip")

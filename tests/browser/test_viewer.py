@@ -15,12 +15,11 @@ import pytest
 from playwright.sync_api import Browser, FrameLocator, Page, WebSocketRoute, expect
 
 from browser_rig import OpenPage, PrefixProxy, RunningSystem, Watch
+from patience import PATIENCE_S
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 20.0
 SIZES = {"320 px": (320, 640), "phone": (360, 740), "tablet": (820, 1180), "laptop": (1440, 900), "4K": (3840, 2160)}
-expect.set_options(timeout=PATIENCE_S * 1000)
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 LOST = ("WebSocket", "ERR_CONNECTION", "Failed to load resource", "ERR_FAILED", "ERR_EMPTY_RESPONSE")
 CHROMIUM = os.environ.get("BLUEROV_SLAM_CHROMIUM", "/usr/bin/chromium")
@@ -187,7 +186,8 @@ def test_a_frame_is_drawn_once_however_often_it_is_asked_for(system: RunningSyst
     page = open_page(system.viewer)
     settled(page)
     drawn = page.evaluate("""async () => {
-      const { waterfall } = viewer;
+      const { waterfall, feed } = viewer;
+      feed.connection.options.onMessage = () => {};  // a ping between two frames asks for one by itself
       await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
       const before = waterfall.frames;
       for (let k = 0; k < 500; k++) waterfall.invalidate();
@@ -441,6 +441,7 @@ def test_a_contact_can_be_dropped_by_keyboard_alone(system: RunningSystem, open_
     expect(page.locator("#readout-range")).to_contain_text("m stbd")
     page.locator("#stage").focus()
     page.keyboard.press("Enter")
+    expect(page.get_by_label("Name", exact=True)).to_be_focused()
     page.keyboard.type("By keys")
     page.keyboard.press("Enter")
     expect(page.locator("#toast")).to_contain_text("By keys saved")
@@ -578,11 +579,33 @@ def test_keys_are_listed_and_every_tool_has_a_name(system: RunningSystem, open_p
     assert nameless == []
 
 
+def test_a_side_without_pings_says_so_in_its_half(system: RunningSystem, open_page: OpenPage) -> None:
+    def send(route: WebSocketRoute) -> None:
+        for number in range(20):
+            route.send(packed_ping(number, 1000 + number / 10, bytes([200]) * 1000, ()))
+
+    page = open_page(system.viewer, prepare=instead_of_pings(send))
+    until(page, "viewer.waterfall.live('A').length === 20")
+    until(page, "viewer.overlay.silence.B === 'no pings'")
+    until(page, "viewer.overlay.silence.A.startsWith('silent for ')")
+
+
+def test_the_strip_tells_what_the_extension_knows(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer)
+    expect(page.locator("[data-chip=depth]")).to_contain_text(" m")
+    expect(page.locator("[data-chip=recorder]")).to_contain_text("Recording")
+    expect(page.locator("[data-chip=others]")).to_be_hidden()
+    page.set_viewport_size({"width": 390, "height": 844})
+    expect(page.locator("[data-chip=imu]")).to_be_hidden()
+    page.locator("[data-chip=others]").click()
+    expect(page.get_by_role("dialog", name="Vehicle")).to_contain_text("Recording")
+
+
 def test_tab_reaches_everything_and_focus_is_seen(system: RunningSystem, open_page: OpenPage) -> None:
     page = open_page(system.viewer)
     live(page)
     reached = []
-    for _ in range(22):
+    for _ in range(32):
         page.keyboard.press("Tab")
         reached.append(
             page.evaluate("""() => {
@@ -685,6 +708,32 @@ def test_says_that_the_data_is_simulated(system: RunningSystem, open_page: OpenP
     expect(page.locator("#simulated")).to_be_visible()
 
 
+def test_a_replay_is_never_called_live(system: RunningSystem, open_page: OpenPage) -> None:
+    def handle(route: WebSocketRoute) -> None:
+        server = route.connect_to_server()
+
+        def downward(message: str | bytes) -> None:
+            told = json.loads(message) if isinstance(message, str) else {}
+            if told.get("topic") == "status":
+                message = json.dumps({**told, "data": told["data"] | {"source": "replay"}})
+            route.send(message)
+
+        server.on_message(downward)
+
+    page = open_page(system.viewer, prepare=lambda page: page.route_web_socket(re.compile(r"/ws$"), handle))
+    expect(page.locator("#simulated")).to_have_text("REPLAY")
+    expect(page.locator("#transport-state")).to_have_text("● Replay")
+
+
+def test_the_dashboard_is_one_click_away(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer)
+    live(page)
+    until(page, "viewer.status !== null")
+    with page.context.expect_page() as opened:
+        page.locator("#tool-sensors").click()
+    assert opened.value.url.startswith(system.dashboard)
+
+
 def test_works_in_an_iframe_under_a_prefix(
     system: RunningSystem, open_page: OpenPage, prefix_proxy: Callable[..., PrefixProxy]
 ) -> None:
@@ -779,6 +828,7 @@ def test_on_a_phone_the_way_back_to_live_is_whole(system: RunningSystem, open_pa
     live(page)
     page.keyboard.press("Space")
     until(page, "viewer.newPings > 3")
+    expect(page.locator("#back-to-live")).to_be_visible()
     stage, back = page.locator("#stage").bounding_box(), page.locator("#back-to-live").bounding_box()
     assert stage
     assert back

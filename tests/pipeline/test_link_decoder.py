@@ -288,7 +288,7 @@ def test_the_same_blocks_give_the_same_records() -> None:
     assert len(run(dive())) > 200
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 400))
 def test_cutting_a_block_changes_nothing(size: int) -> None:
     pieces = [(data[at : at + size], t) for data, t in dive()[:6] for at in range(0, len(data), size)]

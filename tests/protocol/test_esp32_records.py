@@ -44,7 +44,14 @@ def test_a_3d_fix_in_si_units() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"fix": 0}, {"fix": 1}, {"fix": 77}, {"latitude_e7": 0, "longitude_e7": 0}],
+    [
+        {"fix": 0},
+        {"fix": 1},
+        {"fix": 77},
+        {"latitude_e7": 0, "longitude_e7": 0},
+        {"latitude_e7": 900_000_001},
+        {"longitude_e7": -1_800_000_001},
+    ],
 )
 def test_without_a_fix_there_is_no_position(changes: dict[str, int]) -> None:
     fix = fix_of("gps_3d", **changes)

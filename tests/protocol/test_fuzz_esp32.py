@@ -5,8 +5,6 @@ import tracemalloc
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pytest
-
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
 from bluerov_slam.protocol.esp32_messages import MAX_PAYLOAD_BYTES, Esp32FrameDecoder, encode_frame
 from bluerov_slam.protocol.kogger_bundle import compress_ping
@@ -151,7 +149,6 @@ def without_overlaps(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return chosen
 
 
-@pytest.mark.timeout(280)
 def test_no_valid_frame_is_lost_outside_another_valid_span() -> None:
     for seed in range(STREAMS):
         rng = random.Random(f"frames {seed}")
@@ -174,7 +171,6 @@ def test_no_valid_frame_is_lost_outside_another_valid_span() -> None:
         assert counters.bytes_skipped == len(data) - sum(end - start for start, end in chosen)
 
 
-@pytest.mark.timeout(280)
 def test_the_link_decoder_takes_anything_and_stays_small() -> None:
     tracemalloc.start()
     try:

@@ -136,6 +136,8 @@ def test_the_extension_never_says_absent_for_a_huge_value() -> None:
         ({"imu_alive": 0}, "yaw_rad"),
         ({"imu_alive": 0}, "acceleration_frd_mps2"),
         ({"gps_alive": 0}, "gps_latitude_deg"),
+        ({"latitude_e7": -900_000_001}, "gps_latitude_deg"),
+        ({"longitude_e7": 1_800_000_001}, "gps_longitude_deg"),
         ({"sound_speed_dmps": 0}, "sound_speed_wire_mps"),
     ],
 )

@@ -1,4 +1,5 @@
 import asyncio
+import time
 
 import pytest
 
@@ -15,10 +16,21 @@ from bluerov_slam.protocol.esp32_messages import (
 )
 from bluerov_slam.protocol.kogger import build_frame
 from bluerov_slam.protocol.kogger_commands import uart_baud_frame, version_get_frame
-from bluerov_slam.records import AckResult, Channel, CommandAck, DeviceStatus, LinkBytes, LinkBytesSent, Ping
+from bluerov_slam.records import (
+    AckResult,
+    Channel,
+    CommandAck,
+    DeviceStatus,
+    ImuBurst,
+    LinkBytes,
+    LinkBytesSent,
+    Ping,
+)
 from bluerov_slam.services.channel_swap import swapped, swapped_counters
 from bluerov_slam.services.esp_link import TIME_SYNC_TRIES, CommandOutcome, EspLink
 from bluerov_slam.services.hub import Hub
+from patience import PATIENCE_S
+from pipeline.esp32_stream import imu
 from samples import sensor_sample
 
 FRAME = version_get_frame(0)
@@ -75,6 +87,14 @@ def hub():
 
 @pytest.fixture
 def link(source, hub):
+    link = EspLink(source, LinkDecoder(), hub, ack_timeout_s=PATIENCE_S)
+    link.start(lambda: None)
+    return link
+
+
+@pytest.fixture
+def hasty_link(source, hub):
+    """For what is never answered."""
     link = EspLink(source, LinkDecoder(), hub, ack_timeout_s=0.05)
     link.start(lambda: None)
     return link
@@ -105,24 +125,40 @@ async def test_a_command_is_answered_by_its_acknowledgement(link, source, result
     assert (kind, payload[1:]) == (MessageType.KOGGER_COMMAND_B, FRAME)
 
 
-async def test_silence_is_a_timeout_and_the_next_command_goes_through(link, source):
-    assert (await link.command(Channel.A, FRAME)).outcome is CommandOutcome.TIMEOUT
+async def test_silence_is_a_timeout_and_the_next_command_goes_through(hasty_link, source):
+    assert (await hasty_link.command(Channel.A, FRAME)).outcome is CommandOutcome.TIMEOUT
     source.answer = acknowledging(AckResult.OK)
-    assert (await link.command(Channel.A, FRAME)).outcome is CommandOutcome.OK
+    assert (await hasty_link.command(Channel.A, FRAME)).outcome is CommandOutcome.OK
 
 
-async def test_an_acknowledgement_of_another_sequence_does_not_count(link, source):
+async def test_an_acknowledgement_that_a_held_up_process_finds_with_its_deadline_counts(hasty_link, source):
+    loop = asyncio.get_running_loop()
+
+    def answer(kind, payload):
+        reply = acknowledging(AckResult.OK)(kind, payload)
+        loop.call_later(0.04, source.on_data, reply, source.now)
+        loop.call_soon(time.sleep, 0.1)
+        return b""
+
+    source.answer = answer
+    assert (await hasty_link.command(Channel.A, FRAME)).outcome is CommandOutcome.OK
+
+
+async def test_an_acknowledgement_of_another_sequence_does_not_count(hasty_link, source):
     source.answer = lambda kind, payload: acknowledging(AckResult.OK)(kind, bytes((payload[0] ^ 1,)))
-    assert (await link.command(Channel.A, FRAME)).outcome is CommandOutcome.TIMEOUT
+    assert (await hasty_link.command(Channel.A, FRAME)).outcome is CommandOutcome.TIMEOUT
 
 
 async def test_one_command_at_a_time_for_each_sonar_but_both_sonars_at_once(link, source):
     first = asyncio.create_task(link.command(Channel.A, FRAME))
     await asyncio.sleep(0)
     assert (await link.command(Channel.A, FRAME)).outcome is CommandOutcome.BUSY
+    [(kind, payload)] = source.sent
     source.answer = acknowledging(AckResult.OK)
     assert (await link.command(Channel.B, FRAME)).outcome is CommandOutcome.OK
-    assert (await first).outcome is CommandOutcome.TIMEOUT
+    assert not first.done()
+    source.on_data(acknowledging(AckResult.OK)(kind, payload), source.now)
+    assert (await first).outcome is CommandOutcome.OK
 
 
 async def test_without_a_port_the_answer_is_no_link_at_once(link, source):
@@ -188,6 +224,17 @@ async def test_firmware_that_answers_is_synchronised_every_ten_seconds(link, sou
             hub.publish(status(echoed_host_us=int.from_bytes(syncs(source)[-1][1:9], "little")))
     assert len(syncs(source)) == 10
     assert int.from_bytes(syncs(source)[-1][1:9], "little") == 190_000_000
+
+
+async def test_what_waited_for_more_is_decoded_when_the_port_is_lost(link, source, hub):
+    blocks, bursts = collect(hub, LinkBytes), collect(hub, ImuBurst)
+    frame = imu(0)
+    source.on_data(frame[:10], 100.0)
+    source.on_data(frame[10:] + imu(50_000)[:8], 100.01)
+    assert (len(blocks), bursts) == (1, []), "it waits for the frame behind it"
+    source.open = False
+    source.on_change()
+    assert (len(blocks), len(bursts)) == (2, 1)
 
 
 async def test_crossed_cables_are_put_right_in_both_directions(link, source):

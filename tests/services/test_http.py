@@ -17,6 +17,7 @@ from bluerov_slam.services.http import (
     json_response,
     read_json_object,
 )
+from patience import PATIENCE_S
 
 PAGE = ServicePage("Test Service", "for tests", "mdi-radar", "1.2.3", "dashboard")
 # What BlueOS's ServiceMetadata demands; one wrong field loses the whole of it.
@@ -204,11 +205,22 @@ async def test_the_host_itself_may_change_something_by_its_name(client):
 
 
 @pytest.mark.parametrize(
-    ("authorization", "status"), [(None, 403), ("Bearer wrong", 403), ("Bearer s3cret", 200), ("Bearer ", 403)]
+    ("authorization", "status"),
+    [(None, 403), ("Bearer wrong", 403), ("Bearer s3cret", 200), ("Bearer ", 403)],
 )
 async def test_a_program_without_origin_needs_the_token(client, authorization, status):
     headers = {"Authorization": authorization} if authorization is not None else {}
     assert (await fetch(client, "POST", "/api/thing", json={}, headers=headers))[0] == status
+
+
+async def test_a_token_that_is_no_text_is_refused_and_not_our_fault(client, caplog):
+    reader, writer = await asyncio.open_connection("127.0.0.1", client.server.port)
+    writer.write(
+        b"POST /api/thing HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer \xff\xfe\r\nContent-Length: 2\r\n\r\n{}"
+    )
+    assert b" 403 " in await reader.readline()
+    writer.close()
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_an_empty_token_lets_no_program_in():
@@ -249,7 +261,7 @@ async def test_a_client_that_dribbles_its_header_is_cut_off_and_others_are_serve
         await writer.drain()
         assert (await fetch(session, "GET", "/api/thing"))[0] == 200
         with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
-            await asyncio.wait_for(reader.readexactly(1), 5)
+            await asyncio.wait_for(reader.readexactly(1), PATIENCE_S)
         writer.close()
         assert session.server.refused == 1
         assert (await fetch(session, "GET", "/api/thing"))[0] == 200
@@ -260,7 +272,7 @@ async def test_connections_beyond_the_limit_are_closed_at_once(web_folder):
     async with serving(app, max_connections=1) as session:
         assert (await fetch(session, "GET", "/api/thing"))[0] == 200  # stays open, keep-alive
         reader, writer = await asyncio.open_connection("127.0.0.1", session.server.port)
-        assert await asyncio.wait_for(reader.read(), 5) == b""
+        assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
         writer.close()
 
 

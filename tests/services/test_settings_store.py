@@ -54,6 +54,23 @@ def test_a_change_is_all_or_nothing(open_store, tmp_path):
         store.change({"sonar.swap": True})
 
 
+def test_a_secret_sent_back_as_it_is_shown_stays_what_it_is(open_store):
+    store = open_store()
+    store.change({"http.token": "s3cret"})
+    shown = listed(store, "http.token")["value"]
+    assert store.change({"http.token": shown, "display.units": "imperial"}) == {"display.units"}
+    assert store.settings.http.token == "s3cret"
+
+
+def test_a_restored_backup_leaves_the_secrets_alone(open_store):
+    store = open_store()
+    store.change({"http.token": "s3cret", "display.units": "imperial"})
+    backup = store.backup()
+    store.change({"display.units": "metric"})
+    assert store.restore(backup) == {"display.units"}
+    assert store.settings.http.token == "s3cret"
+
+
 def test_null_takes_a_setting_back(open_store):
     store = open_store('[display]\nunits = "imperial"\n')
     store.change({"display.units": "metric"})

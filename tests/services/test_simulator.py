@@ -14,6 +14,7 @@ from bluerov_slam.services.simulator import BURST_S, BY_ID_NAME, LONGEST_BACKLOG
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from patience import PATIENCE_S
 
 SCENARIO = replace(SCENARIOS["survey"], mission_start_s=60.0)
 
@@ -45,7 +46,7 @@ class Reader:
 async def running(simulator: Simulator) -> AsyncIterator[Simulator]:
     task = asyncio.create_task(simulator.run())
     try:
-        await asyncio.wait_for(simulator.ready.wait(), 5.0)
+        await asyncio.wait_for(simulator.ready.wait(), PATIENCE_S)
         yield simulator
     finally:
         task.cancel()
@@ -55,7 +56,7 @@ async def running(simulator: Simulator) -> AsyncIterator[Simulator]:
 
 async def until(condition: Callable[[], bool]) -> None:
     """Let the simulator's own rounds go by until something holds."""
-    async with asyncio.timeout(20.0):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():
             await asyncio.sleep(0.005)
 
@@ -149,7 +150,7 @@ async def test_unplug_hangs_up_and_replug_has_another_node_behind_the_same_name(
 
 async def test_replug_can_rename_the_link(tmp_path: Path) -> None:
     async with running(
-        Simulator(make_board("kind=unplug at=0.1 duration=0.1 rename=1"), tmp_path / "esp32")
+        Simulator(make_board("kind=unplug at=0.1 duration=1 rename=1"), tmp_path / "esp32")
     ) as simulator:
         await until(lambda: (tmp_path / "esp32-2").exists())
         assert simulator.path == tmp_path / "esp32-2"

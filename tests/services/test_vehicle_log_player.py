@@ -10,6 +10,7 @@ from bluerov_slam.errors import LinkError
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
 from bluerov_slam.sinks.mavlink_transport import UdpTransport
 from bluerov_slam.sources.vehicle_log import LoggedFrame, read_vehicle_log
+from patience import PATIENCE_S
 from real_data import recording
 
 FRAMES = [LoggedFrame(100.0 + 0.01 * number, bytes((0xFD, number))) for number in range(5)]
@@ -19,7 +20,7 @@ async def test_plays_in_order_to_whoever_spoke_and_starts_again() -> None:
     said: list[str] = []
     player = VehicleLogPlayer(FRAMES, ("127.0.0.1", 0), on_event=said.append)
     task = asyncio.create_task(player.run())
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(PATIENCE_S):
         while player.address[1] == 0:
             await asyncio.sleep(0)
         loop = asyncio.get_running_loop()
@@ -57,7 +58,7 @@ async def test_a_real_log_feeds_the_receiving_side_of_the_bridge() -> None:
 
     player = VehicleLogPlayer(read_vehicle_log(path), ("127.0.0.1", 0), speed=50.0)
     task = asyncio.create_task(player.run())
-    async with asyncio.timeout(20.0):
+    async with asyncio.timeout(PATIENCE_S):
         while player.address[1] == 0:
             await asyncio.sleep(0)
         bridge = UdpTransport(*player.address, system_id=1, component_id=197, on_message=on_message)

@@ -12,12 +12,14 @@ from bluerov_slam.records import Channel, SonarFrames
 from bluerov_slam.services.esp_link import CommandOutcome, CommandResult
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.viewer_link import ViewerFacts, ViewerLink
+from patience import PATIENCE_S
 from samples import ctd_sample, sensor_sample
 
 GREETING = [
     {"type": "settings", "mirror": True},
     {"type": "fed", "addresses": ["192.168.2.1"]},
     {"type": "recording", "name": None},
+    {"type": "health", "chips": [{"id": "link", "state": "ok"}]},
 ]
 CHART = build_frame(KoggerId.CHART, bytes(20))
 ANSWER = build_frame(KoggerId.TRANSCEIVER, b"\xa3\x02\x0a\x01")
@@ -50,6 +52,7 @@ class Annotations:
 @pytest.fixture
 async def rig(tmp_path):
     rig = SimpleNamespace(hub=Hub(), commands=[], gate=asyncio.Event(), recording=None, annotations=Annotations())
+    rig.chips = [{"id": "link", "state": "ok"}]
     rig.gate.set()
 
     async def command(channel, frame):
@@ -57,7 +60,7 @@ async def rig(tmp_path):
         await rig.gate.wait()
         return CommandResult(CommandOutcome.OK, "done")
 
-    facts = ViewerFacts(lambda: ["192.168.2.1"], lambda: {"mirror": True}, lambda: rig.recording)
+    facts = ViewerFacts(lambda: ["192.168.2.1"], lambda: {"mirror": True}, lambda: rig.recording, lambda: rig.chips)
     rig.token_file = tmp_path / "state" / "viewer-link.token"
     rig.link = ViewerLink(rig.hub, rig.token_file, command, rig.annotations, facts)
     rig.link.write_token()
@@ -80,12 +83,12 @@ def connect(rig, token=None):
 
 
 async def greeted(socket):
-    assert [await socket.receive_json(timeout=5) for _ in GREETING] == GREETING
+    assert [await socket.receive_json(timeout=PATIENCE_S) for _ in GREETING] == GREETING
 
 
 async def ask(socket, **message):
     await socket.send_json(message)
-    return await socket.receive_json(timeout=5)
+    return await socket.receive_json(timeout=PATIENCE_S)
 
 
 async def test_a_viewer_is_told_at_once_what_it_must_know(rig):
@@ -138,11 +141,11 @@ async def test_commands_of_both_sonars_do_not_wait_for_each_other(rig):
         await greeted(socket)
         for number, channel in ((1, "A"), (2, "B")):
             await socket.send_json({"type": "command", "id": number, "channel": channel, "frame": "00"})
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             while len(rig.commands) < 2:
                 await asyncio.sleep(0)
         rig.gate.set()
-        assert {(await socket.receive_json(timeout=5))["id"] for _ in range(2)} == {1, 2}
+        assert {(await socket.receive_json(timeout=PATIENCE_S))["id"] for _ in range(2)} == {1, 2}
 
 
 @pytest.mark.parametrize("message", ["{", "[]", '{"type": "command"}', '{"id": 1}', '{"type": "other", "id": 1}'])
@@ -186,7 +189,11 @@ async def test_every_frame_but_the_echograms_is_passed_on(rig):
     async with connect(rig) as socket:
         await greeted(socket)
         rig.hub.publish(SonarFrames(Channel.A, 1.0, 1.0, (CHART, ANSWER, CHART), None))
-        assert await socket.receive_json(timeout=5) == {"type": "sonar_frame", "channel": "A", "frame": ANSWER.hex()}
+        assert await socket.receive_json(timeout=PATIENCE_S) == {
+            "type": "sonar_frame",
+            "channel": "A",
+            "frame": ANSWER.hex(),
+        }
 
 
 async def test_the_vehicle_is_told_at_most_twice_a_second(rig):
@@ -199,16 +206,24 @@ async def test_the_vehicle_is_told_at_most_twice_a_second(rig):
         rig.link.tick()
         messages = []
         while not messages or messages[-1]["type"] != "recording":
-            messages.append(await socket.receive_json(timeout=5))
+            messages.append(await socket.receive_json(timeout=PATIENCE_S))
         assert [message.get("depth_m") for message in messages[:-1]] == [0.0, 5.0, 10.0]
         assert messages[0]["heading_deg"] == pytest.approx(354.27)
         assert messages[-1] == {"type": "recording", "name": "session_1"}
 
 
+async def test_the_viewer_is_told_each_second_how_every_part_is(rig):
+    async with connect(rig) as socket:
+        await greeted(socket)
+        rig.chips = [{"id": "link", "state": "fault", "text": "ESP32 not found"}]
+        rig.link.tick()
+        assert await socket.receive_json(timeout=PATIENCE_S) == {"type": "health", "chips": rig.chips}
+
+
 async def test_a_viewer_that_left_is_forgotten(rig):
     async with connect(rig) as socket:
         await greeted(socket)
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while rig.link.viewers:
             await asyncio.sleep(0)
     rig.link.tell_fed()

@@ -9,6 +9,7 @@ from aiohttp import WSMsgType, web
 
 from bluerov_slam.records import Channel
 from bluerov_slam.services.viewer_link_client import LINK_PATH, TOKEN_FILE, LinkFacts, ViewerLinkClient
+from patience import PATIENCE_S
 
 
 class FakeExtension:
@@ -82,7 +83,7 @@ async def client(extension: FakeExtension, tmp_path: Path) -> AsyncIterator[View
 
 
 async def up(client: ViewerLinkClient) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         await client.up.wait()
     client.up.clear()
 
@@ -155,11 +156,13 @@ async def test_what_the_extension_says_reaches_the_listener_and_nonsense_does_no
     await extension.say({"type": "recording", "name": "session_20260101_000000"})
     await extension.say({"type": "vehicle", "heading_deg": 12.0})
     await extension.say({"type": "settings", "mirror": True})
+    await extension.say({"type": "health", "chips": [{"id": "link"}, "nonsense"]})
     await extension.say({"type": "sonar_frame", "channel": "A", "frame": "bb55"})
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         assert await frames.get() == (Channel.A, b"\xbb\x55")
     assert facts.fed == {"192.168.2.1"}
     assert facts.recording == "session_20260101_000000"
+    assert facts.chips == [{"id": "link"}]
     assert (facts.vehicle, facts.settings) == ({"heading_deg": 12.0}, {"mirror": True})
     assert frames.empty()
     assert client.unreadable == 4
@@ -170,7 +173,7 @@ async def test_a_refused_token_is_explained(client, extension, tmp_path) -> None
     extension.token = "other"
     for socket in extension.sockets:
         await socket.close()
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while "refused" not in client.message:
             await asyncio.sleep(0.01)
     assert "HTTP 403" in client.message

@@ -1,4 +1,5 @@
 import asyncio
+import socket
 from collections import Counter
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from bluerov_slam.pipeline.health import Fault, FaultLevel
 from bluerov_slam.records import ImuBurst, VehicleAttitude, VehicleBattery, VehicleMotionDelta
 from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mavlink_transport import wanted_frames
+from free_ports import free_port
+from patience import PATIENCE_S
 from samples import ctd_sample, gps_fix, sensor_sample
 
 
@@ -42,7 +45,7 @@ class Router(asyncio.DatagramProtocol):
     async def until(self, condition):
         while not condition():
             self.arrived.clear()
-            await asyncio.wait_for(self.arrived.wait(), 5.0)
+            await asyncio.wait_for(self.arrived.wait(), PATIENCE_S)
 
 
 class Clock:
@@ -111,6 +114,8 @@ async def test_sensors_ctd_and_gps_become_their_messages(router, make_bridge):
     assert router.names()["ATTITUDE"] == router.names()["SCALED_PRESSURE"] == router.names()["GPS_RAW_INT"] == 1
     attitude = next(m for m in router.messages if m.get_type() == "ATTITUDE")
     assert attitude.rollspeed == pytest.approx(0.25)
+    stamps = {message.time_boot_ms for message in router.messages if hasattr(message, "time_boot_ms")}
+    assert stamps == {sensor_sample().device_ms}, "one clock for everything"
 
 
 @pytest.mark.parametrize(
@@ -240,14 +245,32 @@ async def test_faults_come_and_go_as_status_text(router, make_bridge):
     assert len({m.id for m in texts}) == 2
 
 
-async def test_an_unreachable_target_is_an_error_text_not_an_exception(clock):
-    bridge = MavlinkBridge(MavlinkOptions(enabled=True, target_port=9), lambda record: None, clock)
+async def test_a_target_without_address_is_an_error_text_not_an_exception(clock, monkeypatch):
+    async def no_address(*_args, **_options):  # a name server that is out of reach would take its time to say so
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", no_address)
+    options = MavlinkOptions(enabled=True, target_host="nowhere.invalid")
+    bridge = MavlinkBridge(options, lambda record: None, clock)
     await bridge.start()
-    clock.now += 10.0
-    while bridge.facts().error is None:
-        bridge.on_record(sensor_sample())
-        await asyncio.sleep(0.01)
-    assert "127.0.0.1:9" in bridge.facts().error
+    async with asyncio.timeout(PATIENCE_S):
+        while bridge.facts().error is None:
+            bridge.on_record(sensor_sample())
+            await asyncio.sleep(0.01)
+    await bridge.stop()
+
+
+async def test_where_nobody_listens_nobody_answers_and_that_is_no_error(clock):
+    """The state of every BlueOS before the endpoint is added: the page then says how to add it."""
+    options = MavlinkOptions(enabled=True, target_port=free_port())
+    bridge = MavlinkBridge(options, lambda record: None, clock)
+    await bridge.start()
+    async with asyncio.timeout(PATIENCE_S):
+        while bridge.facts().sent < 5:
+            bridge.on_record(sensor_sample())
+            await asyncio.sleep(0.005)
+    facts = bridge.facts()
+    assert (facts.error, facts.peer_alive) == (None, False)
     await bridge.stop()
 
 

@@ -1,7 +1,10 @@
 import errno
 import json
 import os
+import random
+import shutil
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import orjson
@@ -10,11 +13,13 @@ from mcap.reader import make_reader
 
 from bluerov_slam.pipeline.health import RecorderState
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
-from bluerov_slam.records import Channel, Event, EventLevel, LinkBytes, LinkBytesSent
+from bluerov_slam.records import Channel, Event, EventLevel, FixType, LinkBytes, LinkBytesSent
 from bluerov_slam.sinks import append_file
+from bluerov_slam.sinks.dive_track import DiveTrack
 from bluerov_slam.sinks.mcap_log import SESSION_METADATA, McapLog
 from bluerov_slam.sinks.mcap_recorder import PRE_ROLL_BYTES, RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import is_complete, scan_mcap
+from bluerov_slam.sources.recording_reader import open_recording
 from recording_samples import FakeClocks, feed, gps_fix, ping, recorder, sensor_sample
 
 
@@ -107,6 +112,18 @@ def test_gps_time_dates_a_session_whose_wall_clock_was_wrong(tmp_path, clock):
     assert session["started_unix_s"] == pytest.approx(1_700_000_005.1)
 
 
+def test_the_time_of_a_receiver_without_a_fix_dates_nothing(tmp_path, clock):
+    target = recorder(tmp_path, clock)
+    feed(target, clock, 1.0)
+    own_clock = replace(gps_fix(clock.now_s, 1_000_000_000.0), fix=FixType.NONE, latitude_deg=None, longitude_deg=None)
+    target.observe(own_clock)
+    feed(target, clock, 1.0)
+    target.finish()
+    session = orjson.loads((only_session(tmp_path) / "session.json").read_bytes())
+    assert (session["gps_utc_offset_s"], session["wall_clock_trusted"]) == (None, None)
+    assert DiveTrack.of([own_clock], 5.0).utc_offset_s == 5.0
+
+
 def test_gps_time_that_agrees_makes_the_wall_clock_trusted(tmp_path, clock):
     target = recorder(tmp_path, clock)
     feed(target, clock, 1.0)
@@ -178,7 +195,7 @@ def test_begins_a_new_file_by_time_and_loses_no_block(tmp_path, clock):
 
 def test_begins_a_new_file_by_size(tmp_path, clock):
     target = recorder(tmp_path, clock, RecordingLimits(max_file_bytes=9_000, min_free_bytes=0))
-    blocks = feed(target, clock, 5.0, os.urandom(2000))
+    blocks = feed(target, clock, 5.0, random.Random(1).randbytes(2000))
     target.finish()
     parts = sorted(only_session(tmp_path).glob("link_*.mcap"))
     assert len(parts) >= 4
@@ -430,3 +447,27 @@ def test_when_much_waits_decoded_pings_give_way_to_raw_bytes(tmp_path, clock, fu
     pings = sum(len(messages(part, topic)) for part in parts for topic in ("/ping/a", "/ping/b"))
     assert 12 < pings < 112
     assert any(f"{112 - pings} decoded pings and IMU bursts were left out" in text for text in told)
+
+
+@pytest.mark.parametrize("what", ["session", "moved", "mcap", "jsonl", "everything"])
+def test_a_session_deleted_while_it_is_written_is_followed_by_a_new_one(tmp_path, clock, what):
+    told: list[str] = []
+    folder = tmp_path / "recordings"
+    target = recorder(folder, clock, on_event=lambda level, text: told.append(text))
+    feed(target, clock, 2.0)
+    first = only_session(folder)
+    {
+        "session": lambda: shutil.rmtree(first),
+        "moved": lambda: first.rename(tmp_path / "kept"),
+        "mcap": (first / "link_000.mcap").unlink,
+        "jsonl": next(first.glob("*.jsonl")).unlink,
+        "everything": lambda: shutil.rmtree(folder),
+    }[what]()
+    blocks = feed(target, clock, 2.0)
+    second = target.active_name
+    assert target.facts().state is RecorderState.RECORDING
+    target.finish()
+    assert second != first.name
+    assert [text for text in told if f"{first.name} was deleted or moved" in text]
+    read = [LinkBytes(m.data, m.publish_ns / 1e9) for m in open_recording(folder / second).messages(("/link/raw",))]
+    assert read[-len(blocks) :] == blocks, "nothing after the deletion is lost"

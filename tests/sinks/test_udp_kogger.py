@@ -8,6 +8,8 @@ from bluerov_slam.protocol.kogger_frame import KoggerFrameDecoder, KoggerId, bui
 from bluerov_slam.protocol.ping_stamp import PingStamp, unpack_ping_stamp
 from bluerov_slam.records import Channel, SonarFrames
 from bluerov_slam.sinks.udp_kogger import DATAGRAM_BYTES, UdpKogger
+from free_ports import free_port
+from patience import PATIENCE_S
 
 ROUTES = {Channel.A: 1, Channel.B: 2}
 
@@ -24,14 +26,14 @@ def frames(channel, *raw, last=None):
 class Peer:
     """A UDP socket that collects what arrives."""
 
-    def __init__(self, address="127.0.0.1", port=0):
+    def __init__(self, address="127.0.0.1", port=None):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind((address, port))
+        self.socket.bind((address, free_port() if port is None else port))
         self.socket.setblocking(False)
         self.port = self.socket.getsockname()[1]
 
     async def datagram(self):
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             return await asyncio.get_running_loop().sock_recv(self.socket, 65536)
 
     def is_empty(self):
@@ -68,7 +70,7 @@ async def sink(peers):
 async def aim(sink, *targets, seed=()):
     sink.resolved.clear()
     sink.configure(targets, ROUTES, seed)
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         await sink.resolved.wait()
 
 
@@ -209,7 +211,8 @@ async def test_this_computers_viewer_learns_when_a_ping_was_measured_while_it_is
         unix_s=lambda monotonic_s: 1.8e9 + monotonic_s,
     )
     sink.configure(["127.0.0.1"], ROUTES)
-    await resolved.wait()
+    async with asyncio.timeout(PATIENCE_S):
+        await resolved.wait()
     sink.take(SonarFrames(Channel.B, 7.0, 7.1, (chart(0),), False))
     sink.take(SonarFrames(Channel.B, 7.0, 7.2, (chart(200),), True))
     stamp, *charts = KoggerFrameDecoder("mod256").feed(await peers[Channel.B].datagram())

@@ -8,6 +8,7 @@ import pytest
 from aiohttp import web
 
 from bluerov_slam.sinks.websocket import Broadcaster
+from patience import PATIENCE_S
 
 TOPICS = ("sensors", "status", "A")
 
@@ -152,7 +153,7 @@ async def test_a_client_without_progress_is_cut_off():
         await connected(broadcaster, 1)
         while not broadcaster.clients_behind:
             broadcaster.publish_binary("A", bytes(50_000))
-        await asyncio.wait_for(connected(broadcaster, 0), 5)
+        await asyncio.wait_for(connected(broadcaster, 0), PATIENCE_S)
         assert broadcaster.counters.clients_stalled == 1
         assert broadcaster.clients_behind == 0
         raw.close()
@@ -171,7 +172,7 @@ async def test_a_client_that_was_behind_gets_the_newest_messages_in_order():
         received = bytearray()
         last = (count - 1).to_bytes(4, "big") * 2500
         while not received.endswith(last):
-            received += await asyncio.wait_for(loop.sock_recv(raw, 65536), 5)
+            received += await asyncio.wait_for(loop.sock_recv(raw, 65536), PATIENCE_S)
         frames = received[received.index(b"\r\n\r\n") + 4 :]
         numbers = [int.from_bytes(frames[at + 4 : at + 8], "big") for at in range(0, len(frames), 10_004)]
         assert numbers == sorted(set(numbers))
@@ -197,6 +198,6 @@ async def test_closing_says_goodbye_to_readers_and_cuts_off_the_others():
         while not broadcaster.clients_behind:
             broadcaster.publish_binary("A", bytes(50_000))
             await good.receive()
-        await asyncio.wait_for(asyncio.gather(broadcaster.close(), good.receive()), 5)
+        await asyncio.wait_for(asyncio.gather(broadcaster.close(), good.receive()), PATIENCE_S)
         assert good.close_code == aiohttp.WSCloseCode.GOING_AWAY
         raw.close()

@@ -8,11 +8,22 @@ import pytest
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.pipeline.health import PortState
 from bluerov_slam.protocol.waterfall_frame import pack_ping
-from bluerov_slam.records import ImuBurst, LinkBytes, Ping, Record, SensorSample, SonarFrames
-from bluerov_slam.sinks.mcap_log import encode_record
+from bluerov_slam.records import (
+    ImuBurst,
+    LinkBytes,
+    Ping,
+    Record,
+    SensorSample,
+    SonarFrames,
+    VehicleAttitude,
+    VehicleBattery,
+    VehicleMotionDelta,
+    VehicleServoOutput,
+)
+from bluerov_slam.sinks.mcap_log import JSON_TOPICS, encode_record
 from bluerov_slam.sinks.mcap_recorder import RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import scan_mcap
-from bluerov_slam.sources.recording_reader import open_recording
+from bluerov_slam.sources.recording_reader import VEHICLE_TOPICS, open_recording
 from bluerov_slam.sources.replay import ReplaySource, decode
 from recording_samples import FakeClocks, feed, recorder
 from simulated_dive import record_dive
@@ -112,6 +123,7 @@ def test_a_damaged_chunk_is_passed_over_and_named(dive, tmp_path):
     [
         ("empty.mcap", b"", "is empty"),
         ("picture.png", b"\x89PNG\r\n" + bytes(100), "is no recording"),
+        ("dive.klf", b"\xbb\x55\x00\x01\x03\x04\xaa\x55\x01\x02\x03\x04" * 50, "no frame of it inside"),
         ("session_20240101_000000.jsonl", b"{}\n", "give the session folder"),
         ("dive.zip", b"PK\x05\x06" + bytes(18), "holds no recording"),
     ],
@@ -139,6 +151,44 @@ def test_the_decoder_is_set_as_it_was_when_the_dive_was_recorded(tmp_path):
     recording = open_recording(next(tmp_path.glob("session_*")))
     assert recording.decoder_settings == settings
     assert list(decode(recording)) == []  # b"\xaa\x55 link bytes" holds no frame
+
+
+VEHICLE = (
+    VehicleAttitude(6.1, 1000, 0.1, -0.2, 3.0, (0.01, 0.02, 0.03)),
+    VehicleServoOutput(6.2, 2000, tuple(range(1500, 1516))),
+    VehicleBattery(6.3, None, 2.5, 80),
+    VehicleMotionDelta(6.4, 3000, 0.5, (0.0, 0.0, 0.1), (0.5, 0.0, -0.1), 90.0),
+)
+
+
+@pytest.fixture
+def dive_with_vehicle(tmp_path):
+    """Two seconds of link, and between its blocks what the vehicle's own messages said."""
+    clock = FakeClocks()
+    target = recorder(tmp_path, clock)
+    blocks = feed(target, clock, 1.0)
+    for record in VEHICLE:
+        target.observe(record)
+    blocks += feed(target, clock, 1.0)
+    target.finish()
+    return next(tmp_path.glob("session_*")), blocks
+
+
+def test_the_vehicles_own_messages_come_back_as_the_same_records_in_their_place(dive_with_vehicle):
+    session, blocks = dive_with_vehicle
+    received = list(open_recording(session).received())
+    assert received == [*blocks[:10], *VEHICLE, *blocks[10:]]
+    assert list(decode(open_recording(session))) == list(VEHICLE)
+    assert {topic: kind for kind, topic in JSON_TOPICS.items() if "/vehicle/" in topic} == VEHICLE_TOPICS
+
+
+async def test_a_replay_tells_what_the_vehicle_said(dive_with_vehicle):
+    session, blocks = dive_with_vehicle
+    source, told = ReplaySource(open_recording(session), None), []
+    source.on_vehicle = told.append
+    delivered, _ = await replayed(source)
+    assert delivered == blocks
+    assert told == list(VEHICLE)
 
 
 async def replayed(source: ReplaySource) -> tuple[list[LinkBytes], list[PortState]]:

@@ -1,6 +1,9 @@
 import asyncio
 import fcntl
 import os
+import sys
+import termios
+import time
 import tty
 
 import pytest
@@ -9,15 +12,17 @@ from bluerov_slam.pipeline.health import PortState
 from bluerov_slam.sources import serial_port
 from bluerov_slam.sources.port_search import find_candidates
 from bluerov_slam.sources.serial_port import OpenFailure, SerialPort, SerialState, open_port
+from patience import PATIENCE_S
 
 
 class Board:
-    """A pseudo-terminal that stands for the ESP32's port; unplugging closes it."""
+    """A pseudo-terminal that stands for the ESP32's port; unplugging removes its names and closes it."""
 
     def __init__(self):
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.node = os.ttyname(slave)
+        self.links = []
         os.close(slave)
 
     def say(self, data):
@@ -27,7 +32,11 @@ class Board:
         return os.read(self.master, 4096)
 
     def unplug(self):
+        """The kernel gives the number away at once: a name left behind would lead to the port of another test."""
         if self.master is not None:
+            for link in self.links:
+                if link.is_symlink() and os.readlink(link) == self.node:
+                    link.unlink()
             os.close(self.master)
             self.master = None
 
@@ -47,12 +56,13 @@ def devices(tmp_path):
 
 
 def plug(devices, board, by_id="usb-Silicon_Labs_CP2102_0001-if00-port0", node="ttyUSB0"):
-    (devices / node).unlink(missing_ok=True)
-    (devices / node).symlink_to(board.node)
+    names = [devices / node]
     if by_id:
-        link = devices / "serial" / "by-id" / by_id
+        names.append(devices / "serial" / "by-id" / by_id)
+    for link in names:
         link.unlink(missing_ok=True)
         link.symlink_to(board.node)
+        board.links.append(link)
 
 
 class Reader:
@@ -69,10 +79,17 @@ class Reader:
         return self.missing
 
     async def until(self, condition):
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             while not condition():
                 self.news.clear()
                 await self.news.wait()
+
+
+def waiting_bytes(port):
+    """What the port could read now."""
+    count = bytearray(4)
+    fcntl.ioctl(port._descriptor, termios.FIONREAD, count)
+    return int.from_bytes(count, sys.byteorder)
 
 
 async def soon(_seconds):
@@ -138,7 +155,6 @@ async def test_recovers_by_itself_when_replugged_under_another_node(devices, sta
     reader = start("auto")
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
     first.unplug()
-    (devices / "ttyUSB0").unlink()
     await reader.until(lambda: reader.port.state is not SerialState.CONNECTED)
     plug(devices, second, node="ttyUSB1")
     await reader.until(lambda: reader.port.state is SerialState.CONNECTED)
@@ -238,6 +254,8 @@ async def test_reading_pauses_for_the_missing_bytes_of_a_frame_and_wakes_once(de
     first_s = reader.arrived_s
     for _ in range(20):
         board.say(b"2")
+    while waiting_bytes(reader.port) < 20:  # the kernel takes its time to carry them over
+        time.sleep(0.001)
     await reader.until(lambda: len(reader.data) > 1)
     assert bytes(reader.data) == b"1" + b"2" * 20
     assert reader.arrived_s - first_s >= 100 * 10 / 115200 * 0.9

@@ -5,6 +5,10 @@ import { Instrument } from './instrument.js';
 import { wake } from './ticker.js';
 
 const DEG = Math.PI / 180;
+/** Shares of the width: the ladder and its numbers stay between the wings. */
+const LADDER = 0.1;
+const WING_FROM = 0.24;
+const WING_TO = 0.4;
 const ROLL_MARKS = [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60];
 
 export class Attitude extends Instrument {
@@ -72,7 +76,7 @@ export class Attitude extends Instrument {
     c.textBaseline = 'middle';
     for (let mark = -80; mark <= 80; mark += 5) {
       if (mark === 0 || Math.abs(mark - pitchDeg) > 11.5) continue;
-      const half = (mark % 10 === 0 ? 0.14 : 0.06) * w;
+      const half = (mark % 10 === 0 ? LADDER : LADDER / 2) * w;
       const y = -mark * pixelsPerDeg;
       c.beginPath();
       c.moveTo(-half, y);
@@ -123,12 +127,11 @@ export class Attitude extends Instrument {
       c.strokeStyle = stroke;
       c.lineWidth = width * this.scale;
       c.beginPath();
-      c.moveTo(-0.3 * w, 0);
-      c.lineTo(-0.1 * w, 0);
-      c.lineTo(-0.06 * w, 0.05 * w);
-      c.moveTo(0.3 * w, 0);
-      c.lineTo(0.1 * w, 0);
-      c.lineTo(0.06 * w, 0.05 * w);
+      for (const side of [-1, 1]) {
+        c.moveTo(side * WING_TO * w, 0);
+        c.lineTo(side * WING_FROM * w, 0);
+        c.lineTo(side * WING_FROM * w, 0.04 * w);
+      }
       c.moveTo(-1, 0);
       c.lineTo(1, 0);
       c.stroke();

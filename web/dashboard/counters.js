@@ -19,6 +19,21 @@ const FRAME_TYPES = {
   11: 'GPS',
 };
 
+/** esp_reset_reason() of ESP-IDF. */
+const RESET_REASONS = [
+  'unknown',
+  'power on',
+  'reset pin',
+  'software',
+  'crash',
+  'interrupt watchdog',
+  'task watchdog',
+  'watchdog',
+  'deep sleep',
+  'brown-out',
+  'SDIO',
+];
+
 /**
  * @param {string} key
  * @param {unknown} value
@@ -31,6 +46,7 @@ export function counterText(key, value) {
   if (Array.isArray(value))
     return value.length === 0 ? 'none' : value.map((item) => counterText('', item)).join(', ');
   if (!isKnown(value)) return typeof value === 'object' ? JSON.stringify(value) : UNKNOWN;
+  if (key === 'reset_reason') return RESET_REASONS[value] ?? `code ${value}`;
   if (key.endsWith('bytes_per_s')) return `${bytes(value)}/s`;
   if (key.endsWith('bytes') || key === 'bytes_skipped') return bytes(value);
   if (key === 'uptime_s') return duration(value);
@@ -45,8 +61,21 @@ export function counterText(key, value) {
   return Number.isInteger(value) ? count(value) : fixed(value, 2);
 }
 
+/** What the service's names do not say to a diver. @type {Record<string, string>} */
+const WORDS = {
+  seconds_left: 'Room for',
+  gaps_samples: 'Samples missing',
+  gap_samples: 'Samples missing',
+  coding: 'Decimation by',
+  wall_trusted: 'Clock of the vehicle trusted',
+  device_offset_s: "Offset of the ESP32's clock",
+  steps: 'Steps of the clock',
+  by_id: 'Stable name',
+};
+
 /** @param {string} key  "pings_per_s" is the "Ping rate" */
 function labelOf(key) {
+  if (WORDS[key]) return WORDS[key];
   return key.endsWith('_per_s') ? wordsOf(`${key.replace(/s?_per_s$/, '')}_rate`) : wordsOf(key);
 }
 

@@ -3,6 +3,8 @@
 
 export const LAYER_M = 0.25;
 const DEEPEST_M = 1000;
+/** What a fast descent skips between two samples; a longer way was not measured and is not drawn. */
+const MOST_SKIPPED_M = 1;
 const LAYERS = DEEPEST_M / LAYER_M;
 
 /** Sums of one quantity by layer. */
@@ -52,15 +54,23 @@ export class DepthProfile {
 
   /**
    * @returns {[number[], (number | null)[], (number | null)[]]} depth of each visited layer's middle, temperature,
-   *   sound speed
+   *   sound speed; a row of null breaks the line where water was not measured
    */
   rows() {
     /** @type {[number[], (number | null)[], (number | null)[]]} */
     const rows = [[], [], []];
+    let visited = -1;
     for (let layer = 0; layer <= this.deepest; layer += 1) {
       const temperature = this.temperature.mean(layer);
       const soundSpeed = this.soundSpeed.mean(layer);
       if (temperature === null && soundSpeed === null) continue;
+      const skippedM = (layer - visited - 1) * LAYER_M;
+      if (visited >= 0 && skippedM > MOST_SKIPPED_M) {
+        rows[0].push(((visited + layer + 1) / 2) * LAYER_M);
+        rows[1].push(null);
+        rows[2].push(null);
+      }
+      visited = layer;
       rows[0].push((layer + 0.5) * LAYER_M);
       rows[1].push(temperature);
       rows[2].push(soundSpeed);

@@ -7,7 +7,7 @@ import { dateTime } from '../shared/format.js';
 import { showState, stateIcon } from '../shared/status_icons.js';
 import { bannerText } from './banner.js';
 import { counterParts } from './counters.js';
-import { TROUBLES } from './troubleshooting.js';
+import { TROUBLES, isRelated } from './troubleshooting.js';
 
 /** @typedef {import('./banner.js').Fault} Fault */
 
@@ -87,7 +87,7 @@ export class HealthPage {
 
   /** @param {(typeof TROUBLES)[number]} trouble */
   buildTrouble(trouble) {
-    const mark = make('span', { class: 'badge', text: 'RELATED NOW' });
+    const mark = make('span', { class: 'badge', text: 'NOW' });
     mark.hidden = true;
     const root = make(
       'details',
@@ -95,7 +95,7 @@ export class HealthPage {
       make('summary', {}, make('span', { text: trouble.title }), mark),
       make('ul', {}, ...trouble.cure.map((line) => make('li', { text: line }))),
     );
-    return { root, mark, chips: trouble.chips };
+    return { root, mark, trouble };
   }
 
   show() {
@@ -126,6 +126,7 @@ export class HealthPage {
     const key = JSON.stringify(faults);
     if (key === this.faultsKey) return;
     this.faultsKey = key;
+    for (const { mark, trouble } of this.troubles) mark.hidden = !isRelated(trouble, faults ?? []);
     if (faults === null || faults.length === 0) {
       this.faults.replaceChildren(make('li', { class: 'hint', text: bannerText(faults).title }));
       return;
@@ -176,12 +177,6 @@ export class HealthPage {
   onStatus() {
     const { status } = this.model;
     if (this.root.hidden || !status) return;
-    const chips = Array.isArray(status.chips) ? status.chips : [];
-    for (const trouble of this.troubles) {
-      trouble.mark.hidden = !chips.some(
-        (chip) => trouble.chips.includes(chip?.id) && ['warn', 'fault'].includes(chip.state),
-      );
-    }
     for (const [title, rows] of counterParts(status)) this.showPart(title, rows);
   }
 

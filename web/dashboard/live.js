@@ -1,7 +1,7 @@
 // @ts-check
 // The live page: instruments, values, plots.
 
-import { make, setAttribute, setText } from '../shared/dom.js';
+import { make, setAttribute, setNumber, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
 import { fixed, isKnown, signed } from '../shared/format.js';
 import { Attitude } from './attitude.js';
@@ -25,7 +25,7 @@ import {
   sonarTable,
   statusCells,
 } from './live_layout.js';
-import { ageS } from './model.js';
+import { STALE_S, ageS } from './model.js';
 import { ProfilePlot } from './profile_plot.js';
 import { QUANTITIES, TimePlots } from './time_plots.js';
 import { ValueCell } from './value_cell.js';
@@ -82,9 +82,9 @@ export class LivePage {
     const column = instrumentCanvas('Depth gauge');
     this.gauge = new DepthGauge(column);
     this.depth = hero('m', 3.45);
-    this.rateNumber = make('span', { class: 'number', text: '-' });
+    this.rateNumber = make('span', { class: 'number none', text: '-' });
     this.rateWord = make('span', { class: 'rate-word' });
-    this.deepest = make('span', { class: 'number', text: '-' });
+    this.deepest = make('span', { class: 'number none', text: '-' });
     this.rateNumber.style.minWidth = '4.75ch';
     this.deepest.style.minWidth = '3.45ch';
     const small = (/** @type {string} */ label, /** @type {Node[]} */ ...nodes) =>
@@ -162,17 +162,19 @@ export class LivePage {
     const { model, heading, point, depth, rateNumber, rateWord, deepest, fix } = this;
     if (!heading || !point || !depth || !rateNumber || !rateWord || !deepest || !fix) return;
     const texts = headingTexts(model.reading('heading').value);
-    setText(heading.number, texts.degrees);
+    setNumber(heading.number, texts.degrees);
     setText(point, texts.point);
-    setText(depth.number, fixed(shownValue(model.reading('depth').value, 'm'), 2));
+    setNumber(depth.number, fixed(shownValue(model.reading('depth').value, 'm'), 2));
     const rate = this.rate.mps();
     this.showUnits();
-    setText(rateNumber, signed(shownValue(rate, 'm/s'), 2));
+    setNumber(rateNumber, signed(shownValue(rate, 'm/s'), 2));
     setText(
       rateWord,
       rate === null || Math.abs(rate) < 0.03 ? '' : rate > 0 ? '\u25bc sinking' : '\u25b2 rising',
     );
-    setText(deepest, fixed(shownValue(this.gauge?.deepestM, 'm'), 2));
+    setNumber(deepest, fixed(shownValue(this.gauge?.deepestM, 'm'), 2));
+    // It may be deeper by now, unseen.
+    deepest.classList.toggle('old', model.reading('depth').value === null);
     const word = fixWord(model.sensors, model.extra);
     setText(fix, word);
     setAttribute(fix, 'data-fix', word === 'No fix' ? 'none' : word.endsWith('ix') ? 'yes' : 'unknown');
@@ -221,9 +223,28 @@ export class LivePage {
     all.ctd.update(model.status, since('temperature') ?? since('conductivity'));
     all.gps.update(model.status, since('satellites'));
     all.plots.update(model.status, sensors);
+    this.plots.setStale(sensors !== null && sensors > STALE_S);
     all.profile.update(model.status, sensors);
     all.sonars.update(model.status, status);
     all.link.update(model.status, status);
+  }
+
+  /**
+   * The waterfall has its own port; the path of this page may be a proxy's.
+   * @param {unknown} port
+   */
+  linkViewer(port) {
+    if (!Number.isInteger(port)) return;
+    const { head, ageText } = this.cards.sonars;
+    const link = make('a', {
+      class: 'button waterfall-link',
+      href: `http://${location.hostname}:${port}/`,
+      target: '_blank',
+      rel: 'noopener',
+      text: 'Waterfall \u2197',
+      title: 'The sonar viewer, in another tab',
+    });
+    head.insertBefore(link, ageText);
   }
 
   /** The tab was chosen: what was hidden has a size now. */

@@ -31,7 +31,7 @@ export function instrumentCanvas(label) {
  * @param {number} width  usual characters
  */
 export function hero(unit, width) {
-  const number = make('span', { class: 'number', text: '-' });
+  const number = make('span', { class: 'number none', text: '-' });
   number.style.minWidth = `${width}ch`;
   const unitText = make('span', { class: 'unit', text: unit });
   return { number, unit: unitText, root: make('p', { class: 'hero' }, number, unitText) };

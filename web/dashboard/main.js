@@ -87,7 +87,8 @@ function ownState(nowMs) {
   const statusS = ageS(model.statusAtMs, nowMs);
   const since = (/** @type {number | null} */ seconds) => (seconds === null ? '' : ` ${age(seconds)}`);
   const isHeard = statusS !== null && statusS <= STATUS_STALE_S;
-  if (phase === 'open' && isHeard) return { state: 'ok', text: 'Live', fault: null };
+  const isReplay = model.status?.source === 'replay';
+  if (phase === 'open' && isHeard) return { state: 'ok', text: isReplay ? 'Replay' : 'Live', fault: null };
   if (isHeard && phase !== 'open' && (sensorsS === null || sensorsS > STATUS_STALE_S)) {
     return { state: 'warn', text: `Status only${since(sensorsS)}`, fault: streamFault(sensorsS) };
   }
@@ -113,6 +114,12 @@ function refresh() {
   live.refresh(nowMs);
 }
 
+/** @param {any} answer  of GET api/settings */
+function viewerPort(answer) {
+  const settings = Array.isArray(answer?.settings) ? answer.settings : [];
+  return settings.find((/** @type {any} */ setting) => setting?.key === 'viewer.port')?.value;
+}
+
 /** Drawing waits for the browser's own frame, so that a hidden tab costs nothing. */
 function draw() {
   live.draw(performance.now());
@@ -129,4 +136,4 @@ new Source(onMessage, (state) => {
   if (phase === 'open') health.loadEvents();
 }).start();
 void prefill(model, live);
-void loadDisplaySettings();
+void loadDisplaySettings().then((answer) => live.linkViewer(viewerPort(answer)));

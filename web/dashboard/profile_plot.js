@@ -3,6 +3,7 @@
 
 import { make, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
+import { isKnown } from '../shared/format.js';
 import { colors, onThemeChange } from '../shared/theme.js';
 import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './uplot.js';
 import { roomyRange } from './time_plots.js';
@@ -16,6 +17,20 @@ const SHORTEST_MS = 1000;
  */
 function depthRange(deepestM) {
   return deepestM === null ? [null, null] : [0, Math.max(1, deepestM * 1.05)];
+}
+
+/**
+ * Layers without a neighbour.
+ * @param {import('uplot')} plot
+ * @param {number} series
+ */
+export function aloneInWater(plot, series) {
+  const values = plot.data[series];
+  const alone = [];
+  for (let i = 0; i < values.length; i += 1) {
+    if (isKnown(values[i]) && !isKnown(values[i - 1]) && !isKnown(values[i + 1])) alone.push(i);
+  }
+  return alone;
 }
 
 export class ProfilePlot {
@@ -63,12 +78,13 @@ export class ProfilePlot {
   /** @returns {import('uplot').Options} */
   options() {
     const rem = remPx();
-    const line = (/** @type {string} */ scale, /** @type {string} */ color) => ({
+    const line = (/** @type {string} */ scale, /** @type {string} */ color, /** @type {number} */ point) => ({
       scale,
       stroke: () => colors(color)[0],
-      width: 2,
-      points: { show: false },
-      spanGaps: true,
+      width: (2 * rem) / 16,
+      // A layer alone between unmeasured water is no line: it is seen as a point.
+      points: { show: true, size: rem * point, fill: () => colors(color)[0], filter: aloneInWater },
+      spanGaps: false,
     });
     const depth = honestScale((_, deepest) => depthRange(deepest));
     const temperature = honestScale((low, high) => roomyRange(low, high, 0.5));
@@ -84,7 +100,8 @@ export class ProfilePlot {
         t: { ori: 0, dir: 1, range: temperature.range },
         c: { ori: 0, dir: 1, range: sound.range },
       },
-      series: [{}, line('t', '--plot-temperature'), line('c', '--plot-sound')],
+      // Where both lie on one spot, the larger point below is seen around the smaller one.
+      series: [{}, line('t', '--plot-temperature', 0.45), line('c', '--plot-sound', 0.25)],
       axes: [
         {
           ...axisColors,
@@ -93,7 +110,7 @@ export class ProfilePlot {
           side: 3,
           font: plotFont(),
           size: rem * 2.6,
-          space: 44,
+          space: rem * 2.75,
         },
         {
           ...axisColors,
@@ -102,7 +119,7 @@ export class ProfilePlot {
           side: 2,
           font: plotFont(),
           size: rem * 1.7,
-          space: 46,
+          space: rem * 2.9,
           stroke: () => colors('--plot-temperature')[0],
         },
         {
@@ -112,7 +129,7 @@ export class ProfilePlot {
           side: 0,
           font: plotFont(),
           size: rem * 1.7,
-          space: 56,
+          space: rem * 3.5,
           grid: { show: false },
           stroke: () => colors('--plot-sound')[0],
         },

@@ -9,6 +9,8 @@ import { RecordingEntry } from './recording_entry.js';
 import { perSecond } from './live_layout.js';
 
 const RELOAD_MS = 10000;
+const NONE_YET = 'No recordings yet. Recording starts with the first valid frame.';
+const NONE_HERE = 'No recordings in this folder.';
 
 /**
  * The session's name in the path of one of its files.
@@ -55,7 +57,7 @@ export class RecordingsPage {
     this.list = make('div', { class: 'recordings' });
     this.empty = make('p', {
       class: 'notice',
-      text: 'No recordings yet. Recording starts with the first valid frame.',
+      text: NONE_YET,
     });
     root.append(
       make(
@@ -82,7 +84,10 @@ export class RecordingsPage {
 
   onStatus() {
     const recorder = this.model.status?.recorder;
-    setText(this.sentence, recorderSentence(recorder));
+    const isReplay = this.model.status?.source === 'replay';
+    setText(this.sentence, isReplay ? 'A replay is not recorded again.' : recorderSentence(recorder));
+    this.toggle.hidden = isReplay;
+    setText(this.empty, isReplay ? NONE_HERE : NONE_YET);
     setAttribute(this.sentence, 'data-state', recorder?.error || recorder?.dropped > 0 ? 'fault' : 'ok');
     setText(this.toggle, this.isRecording ? 'Stop recording' : 'Start recording');
     this.toggle.classList.toggle('primary', !this.isRecording);

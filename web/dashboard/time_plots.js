@@ -163,7 +163,8 @@ export class TimePlots {
       width: 300,
       height: 100,
       legend: { show: false },
-      padding: [6, rem * 1.75, showsTime ? 0 : 4, 0],
+      // Half a line of air on top, or the uppermost mark is cut.
+      padding: [rem * 0.5, rem * 1.75, showsTime ? 0 : 4, 0],
       cursor: {
         sync: { key: 'live', scales: ['x', null] },
         drag: { x: false, y: false },
@@ -195,7 +196,7 @@ export class TimePlots {
           ...axisColors,
           font: plotFont(),
           size: rem * 3.6,
-          space: 24,
+          space: rem * 1.5,
           incrs: NICE_STEPS,
           values,
         },
@@ -247,6 +248,14 @@ export class TimePlots {
       const column = this.columns[i];
       for (let k = 0; k < column.length; k += 1) column[k] = shownValue(column[k], unit);
     });
+  }
+
+  /**
+   * Greys out the newest values once they are old; a value under the cursor is dated anyway.
+   * @param {boolean} stale
+   */
+  setStale(stale) {
+    this.area.classList.toggle('old', stale);
   }
 
   /** @param {number} i */

@@ -21,6 +21,9 @@ export async function loadUPlot() {
 export const MISSING =
   'The plot library is missing from this installation: reinstall the extension (or run make setup).';
 
+/** Steps finer than this are noise. */
+const MOST_DECIMALS = 6;
+
 /** Size of one rem, by which plots grow on big screens. */
 export function remPx() {
   return parseFloat(getComputedStyle(document.documentElement).fontSize) || 16;
@@ -69,6 +72,8 @@ export const axisColors = {
  * @param {number} step
  */
 function plainMarks(_plot, splits, _axis, _space, step) {
-  const decimals = Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)));
+  let decimals = 0;
+  while (decimals < MOST_DECIMALS && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-6)
+    decimals += 1;
   return splits.map((split) => fixed(split, decimals));
 }

@@ -1,7 +1,7 @@
 // @ts-check
 // One value on the page: label, number, unit, and its age once it is stale. Unknown is "-" and keeps its place.
 
-import { make, setAttribute, setText } from '../shared/dom.js';
+import { make, setAttribute, setNumber, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
 import { age, fixed } from '../shared/format.js';
 import { FIELD_BY_KEY } from './fields.js';
@@ -23,7 +23,7 @@ export class ValueCell {
     this.field = field;
     this.format = format ?? ((/** @type {number | null} */ value) => fixed(value, field.decimals));
     this.ageText = make('span', { class: 'age', title: 'since it was last known' });
-    this.number = make('span', { class: 'number', text: '-' });
+    this.number = make('span', { class: 'number none', text: '-' });
     if (field.width) this.number.style.minWidth = `${field.width}ch`;
     this.unit = make('span', { class: 'unit', text: field.unit });
     this.root = make(
@@ -40,7 +40,7 @@ export class ValueCell {
    */
   update(model, nowMs) {
     const reading = model.reading(this.field.key);
-    setText(this.number, this.format(shownValue(reading.value, this.field.unit)));
+    setNumber(this.number, this.format(shownValue(reading.value, this.field.unit)));
     setText(this.unit, shownUnit(this.field.unit));
     const seconds = ageS(reading.atMs, nowMs);
     const stale = seconds !== null && seconds > STALE_S;

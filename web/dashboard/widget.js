@@ -2,7 +2,7 @@
 // The Cockpit widget: one panel of the dashboard, chosen by ?panel=attitude|depth|ctd|link, themed by ?theme=.
 
 import { loadDisplaySettings, shownUnit, shownValue } from '../shared/display.js';
-import { byId, make, setAttribute, setText } from '../shared/dom.js';
+import { byId, make, setAttribute, setNumber, setText } from '../shared/dom.js';
 import { fixed, heading, signed } from '../shared/format.js';
 import { STATE_WORDS, asState, showState, stateIcon } from '../shared/status_icons.js';
 import { startTheme } from '../shared/theme.js';
@@ -67,7 +67,7 @@ function depthPanel() {
       const depth = model.reading('depth').value;
       rate.add(model.sensors?.ts, depth);
       gauge.show(depth);
-      setText(number.number, fixed(shownValue(depth, 'm'), 2));
+      setNumber(number.number, fixed(shownValue(depth, 'm'), 2));
       setText(number.unit, shownUnit('m'));
       setText(rateText, `Rate, est. ${signed(shownValue(rate.mps(), 'm/s'), 2)} ${shownUnit('m/s')}`);
     },

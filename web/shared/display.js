@@ -45,11 +45,17 @@ export function useDisplaySettings(answer) {
   setDefaultTheme(value('display.theme'));
 }
 
-/** Asks for them once, at the start of a page; without an answer the defaults hold. */
+/**
+ * Asks for them once, at the start of a page; without an answer the defaults hold.
+ * @returns {Promise<any>} the answer, null without one
+ */
 export async function loadDisplaySettings() {
   try {
-    useDisplaySettings(await call('api/settings'));
+    const answer = await call('api/settings');
+    useDisplaySettings(answer);
+    return answer;
   } catch {
     // The page says by its own means that the extension is silent.
+    return null;
   }
 }

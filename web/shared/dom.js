@@ -48,6 +48,16 @@ export function setText(node, text) {
 }
 
 /**
+ * A number whose unit stands beside it: unknown, it has no unit either, and the unit's place is kept.
+ * @param {Element} node
+ * @param {string} text
+ */
+export function setNumber(node, text) {
+  setText(node, text);
+  node.classList.toggle('none', text === '-');
+}
+
+/**
  * @param {Element} node
  * @param {string} name
  * @param {string | null} value  null takes the attribute away

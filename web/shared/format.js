@@ -117,14 +117,15 @@ export function compassPoint(degrees) {
 }
 
 /**
- * A geodetic angle with its hemisphere: "47.612300 N".
+ * A geodetic angle with its hemisphere: "47.612300° N".
  * @param {unknown} degrees
  * @param {'latitude' | 'longitude'} kind
+ * @param {number} [decimals]
  */
-export function geodetic(degrees, kind) {
+export function geodetic(degrees, kind, decimals = 6) {
   if (!isKnown(degrees)) return UNKNOWN;
   const hemisphere = kind === 'latitude' ? (degrees < 0 ? 'S' : 'N') : degrees < 0 ? 'W' : 'E';
-  return `${Math.abs(degrees).toFixed(6)}\u00b0 ${hemisphere}`;
+  return `${Math.abs(degrees).toFixed(decimals)}\u00b0 ${hemisphere}`;
 }
 
 /**

@@ -8,7 +8,8 @@ import { STATE_WORDS, asState, showState, stateIcon } from './status_icons.js';
 /**
  * @typedef {import('./status_icons.js').State} State
  * @typedef {{id: string, label: string, state: string, text?: string | null, cause?: string | null,
- *   cure?: string | null, age_s?: number | null}} ChipData
+ *   cure?: string | null, age_s?: number | null, parts?: Array<[string, string]>}} ChipData  parts: of a chip that
+ *   stands for several
  * @typedef {{item: HTMLLIElement, button: HTMLButtonElement, icon: HTMLElement, label: HTMLElement,
  *   text: HTMLElement, data: ChipData}} ChipView
  */
@@ -33,7 +34,7 @@ export function detailLines(chip) {
   if (chip.cause) lines.push(['Cause', chip.cause]);
   if (chip.cure) lines.push(['Cure', chip.cure]);
   if (isKnown(chip.age_s)) lines.push(['Last data', `${age(chip.age_s)} ago`]);
-  return lines;
+  return lines.concat(chip.parts ?? []);
 }
 
 export class StatusStrip {
@@ -102,7 +103,7 @@ export class StatusStrip {
     const label = make('span', { class: 'chip-label' });
     const text = make('span', { class: 'chip-text' });
     button.append(icon, label, text);
-    const item = make('li', {}, button);
+    const item = make('li', { dataset: { part: id } }, button);
     this.list.append(item);
     const data = { id, label: id, state: 'unknown' };
     const view = { item, button, icon, label, text, data };

@@ -190,6 +190,17 @@ test('the profile averages each layer of water', () => {
   ]);
 });
 
+test('the profile does not run through water that was never measured', () => {
+  const profile = new DepthProfile();
+  profile.add(0.1, 17, 1514);
+  profile.add(9.1, 12, 1498);
+  profile.add(9.9, 11, 1497);
+  const [depth, temperature, soundSpeed] = profile.rows();
+  assert.deepEqual(temperature, [17, null, 12, 11]);
+  assert.deepEqual(soundSpeed, [1514, null, 1498, 1497]);
+  assert.ok(depth[1] > depth[0] && depth[1] < depth[2]);
+});
+
 test('the depth rate is the slope of the last seconds', () => {
   const rate = new DepthRate();
   for (let i = 0; i < 40; i += 1) rate.add(i * 500, 10 + i * 0.25);

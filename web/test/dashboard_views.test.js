@@ -22,8 +22,10 @@ import {
 } from '../dashboard/setting_values.js';
 import { socketCandidates } from '../dashboard/source.js';
 import { timeSplits } from '../dashboard/time_axis.js';
+import { aloneInWater } from '../dashboard/profile_plot.js';
 import { roomyRange } from '../dashboard/time_plots.js';
-import { TROUBLES } from '../dashboard/troubleshooting.js';
+import { TROUBLES, isRelated } from '../dashboard/troubleshooting.js';
+import { honestScale } from '../dashboard/uplot.js';
 import { setUnits, shownUnit, shownValue } from '../shared/display.js';
 import { asState } from '../shared/status_icons.js';
 import { detailLines } from '../shared/status_strip.js';
@@ -76,6 +78,42 @@ test('each trouble of the list has a cure', () => {
     assert.match(titles, word);
   }
   assert.ok(TROUBLES.every((trouble) => trouble.cure.length > 0));
+});
+
+test('of the list, only what names a fault of now is marked', () => {
+  const related = (/** @type {string[]} */ ...ids) =>
+    TROUBLES.filter((trouble) =>
+      isRelated(
+        trouble,
+        ids.map((id) => ({ id, title: id })),
+      ),
+    );
+  assert.deepEqual(
+    related('port_absent').map((trouble) => trouble.title),
+    ['The serial port is not found'],
+  );
+  assert.deepEqual(
+    related('sonar_a_silent', 'gps_no_fix').map((trouble) => trouble.title),
+    ['A sonar is not detected', 'The GPS answers but has no fix'],
+  );
+  assert.deepEqual(related(), []);
+});
+
+test('only a layer alone in unmeasured water is drawn as a point', () => {
+  const plot = /** @type {any} */ ({ data: [[], [17, null, 12, 11, null, 9]] });
+  assert.deepEqual(aloneInWater(plot, 1), [0, 5]);
+});
+
+test('the marks of an axis say where they stand', () => {
+  const { range, values } = honestScale(() => [0, 20]);
+  range(null, 0, 20);
+  const marks = (/** @type {number[]} */ splits, /** @type {number} */ step) =>
+    values(null, splits, 0, 0, step);
+  assert.deepEqual(marks([10, 12.5, 15], 2.5), ['10.0', '12.5', '15.0']);
+  assert.deepEqual(marks([0.25, 0.5], 0.25), ['0.25', '0.50']);
+  assert.deepEqual(marks([1, 2], 1), ['1', '2']);
+  assert.deepEqual(marks([0.1, 0.2], 0.1), ['0.1', '0.2']);
+  assert.deepEqual(marks([1500, 1520], 20), ['1500', '1520']);
 });
 
 test('an opened chip always says something', () => {

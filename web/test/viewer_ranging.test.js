@@ -77,7 +77,11 @@ test('ticks are 1, 2 or 5 times a power of ten, and not more than fit', () => {
 
 test('the arithmetic of the period is shown, and says whether it fits', () => {
   const tight = periodArithmetic(30, 1500, 30);
-  assert.deepEqual(tight, { fits: false, text: '2 \u00d7 30 m / 1500 m/s = 40.0 ms > period 30 ms' });
+  assert.deepEqual(tight, {
+    fits: false,
+    leastMs: 40,
+    text: '2 \u00d7 30 m / 1500 m/s = 40.0 ms > period 30 ms',
+  });
   assert.equal(periodArithmetic(30, 1500, 100)?.fits, true);
   assert.equal(periodArithmetic(30, NaN, 100), null);
 });

@@ -8,9 +8,10 @@ import { PALETTES } from '../viewer/palettes.js';
 import { parsePreferences } from '../viewer/preferences.js';
 import { amplitudeText } from '../viewer/readout.js';
 import { FIELDS, outcomeText, parseField, readBack, samplesFor } from '../viewer/sonar_fields.js';
-import { FIRST_CHIPS, chipsOf, waitingText } from '../viewer/status.js';
+import { FIRST_CHIPS, chipsOf, originOf, waitingText } from '../viewer/status.js';
 import { Track } from '../viewer/track.js';
 import { widgetOptions } from '../viewer/widget.js';
+import { detailLines } from '../shared/status_strip.js';
 
 /** @type {import('../viewer/contacts.js').Contact} */
 const CONTACT = {
@@ -33,6 +34,17 @@ const FACTS = {
   coarse: false,
   status: {
     extension_link: true,
+    chips: [
+      { id: 'link', label: 'Link', state: 'ok', text: '55 frames/s' },
+      { id: 'sonar_a', label: 'Sonar A', state: 'ok', text: '10.0 pings/s' },
+      { id: 'sonar_b', label: 'Sonar B', state: 'ok', text: '10.0 pings/s' },
+      { id: 'imu', label: 'IMU', state: 'ok', text: 'Nine axes' },
+      { id: 'depth', label: 'Depth', state: 'ok', text: '2.46 m' },
+      { id: 'ctd', label: 'CTD', state: 'ok', text: '34.6 PSU' },
+      { id: 'gps', label: 'GPS', state: 'ok', text: 'Fix' },
+      { id: 'recorder', label: 'Recorder', state: 'ok', text: 'Recording' },
+      { id: 'mavlink', label: 'MAVLink', state: 'ok', text: 'Sending' },
+    ],
     channels: {
       A: { alive: true, pings: 100, incomplete: 0 },
       B: { alive: false, pings: 100, incomplete: 0 },
@@ -43,6 +55,15 @@ const FACTS = {
   malformed: 0,
 };
 
+/** The status with other chips of the extension. @param {object[]} changed */
+function reported(...changed) {
+  const chips = FACTS.status.chips.map((/** @type {any} */ chip) => ({
+    ...chip,
+    ...changed.find((/** @type {any} */ change) => change.id === chip.id),
+  }));
+  return { ...FACTS.status, chips };
+}
+
 /** @param {Partial<import('../viewer/status.js').Facts>} change @param {string} id */
 function chip(change, id) {
   const found = chipsOf({ ...FACTS, ...change }).find((candidate) => candidate.id === id);
@@ -50,7 +71,7 @@ function chip(change, id) {
   return found;
 }
 
-test('all is well: five chips, each with a place reserved before', () => {
+test('all is well: every chip of the dashboard, each with a place reserved before', () => {
   const chips = chipsOf(FACTS);
   assert.deepEqual(
     chips.map(({ id }) => id),
@@ -68,7 +89,7 @@ test('every fault names its cause and its cure', () => {
     chip({ channels: { A: silent, B: silent } }, 'sonar_a'),
     chip({ channels: { A: silent, B: silent } }, 'sonar_b'),
     chip({ channels: { ...FACTS.channels, A: { ...ALIVE, missed: 5 } } }, 'loss'),
-    chip({ status: { ...FACTS.status, extension_link: false } }, 'extension'),
+    chip({ status: { ...FACTS.status, extension_link: false } }, 'link'),
   ];
   for (const fault of faults) {
     assert.ok(fault.state === 'fault' || fault.state === 'warn', fault.id);
@@ -93,10 +114,67 @@ test('loss is lost and incomplete pings of both sides together', () => {
   assert.equal(chip({ channels: { A: none, B: none } }, 'loss').text, '-');
 });
 
+test('an ESP32 that is not there is the fault of the link, not of the sonars behind it', () => {
+  const silent = { ...ALIVE, ageS: 12 };
+  const status = reported(
+    { id: 'link', state: 'fault', text: 'ESP32 not found', cause: 'No port.', cure: 'Plug it in.' },
+    { id: 'sonar_a', state: 'unknown', text: 'No link' },
+    { id: 'sonar_b', state: 'unknown', text: 'No link' },
+  );
+  const facts = { status, channels: { A: silent, B: silent } };
+  assert.equal(chip(facts, 'link').text, 'ESP32 not found');
+  assert.equal(chip(facts, 'link').cure, 'Plug it in.');
+  assert.equal(chip(facts, 'sonar_a').state, 'unknown');
+  assert.equal(chip(facts, 'sonar_a').label, 'Stbd A');
+});
+
+test('what the extension says of a silent sonar is told with its cause', () => {
+  const channels = { A: { ...ALIVE, ageS: 12 }, B: ALIVE };
+  const status = reported({
+    id: 'sonar_a',
+    state: 'fault',
+    text: 'Silent',
+    cause: 'No answer.',
+    cure: '12 V.',
+  });
+  assert.equal(chip({ status, channels }, 'sonar_a').cause, 'No answer.');
+  assert.equal(chip({ status, channels }, 'sonar_b').state, 'ok');
+});
+
+test('where there is no room, the worst of the other parts speaks for all', () => {
+  assert.equal(chip({}, 'others').state, 'ok');
+  const status = reported(
+    { id: 'gps', state: 'warn', text: 'No fix', cause: 'Sky.', cure: 'Wait.' },
+    { id: 'recorder', state: 'fault', text: 'Disk full', cause: 'Full.', cure: 'Delete.' },
+  );
+  const others = chip({ status }, 'others');
+  assert.deepEqual([others.state, others.cure], ['fault', 'Delete.']);
+  assert.equal(others.text, 'Recorder: Disk full');
+  assert.deepEqual(
+    detailLines(others).filter(([label]) => label === 'GPS' || label === 'Depth'),
+    [
+      ['Depth', '2.46 m'],
+      ['GPS', 'No fix'],
+    ],
+  );
+});
+
+test('chips of an extension that fell silent are forgotten', () => {
+  assert.equal(chip({ statusAgeS: 5 }, 'depth').state, 'unknown');
+});
+
 test('without a connection nothing is claimed about what lies behind it', () => {
-  for (const id of ['sonar_a', 'sonar_b', 'loss', 'extension']) {
+  for (const id of ['sonar_a', 'sonar_b', 'loss', 'imu', 'recorder', 'others']) {
     assert.equal(chip({ phase: 'waiting' }, id).state, 'unknown');
   }
+});
+
+test('a replay and a simulation are called so, whoever says it first', () => {
+  assert.equal(originOf(null, false), '');
+  assert.equal(originOf(null, true), 'SIMULATED');
+  assert.equal(originOf({ simulated: false, source: 'serial' }, true), '');
+  assert.equal(originOf({ simulated: true, source: 'serial' }, false), 'SIMULATED');
+  assert.equal(originOf({ simulated: false, source: 'replay' }, false), 'REPLAY');
 });
 
 test('the empty picture says what it waits for', () => {
@@ -108,6 +186,13 @@ test('the empty picture says what it waits for', () => {
   );
   assert.match(waitingText(open, false, { extension_link: false })?.title ?? '', /extension/);
   assert.match(waitingText(open, false, { extension_link: true })?.text ?? '', /12 V/);
+  const chips = [
+    { id: 'link', state: 'fault', text: 'ESP32 not found', cause: 'No port.', cure: 'Plug it in.' },
+  ];
+  assert.deepEqual(waitingText(open, false, { extension_link: true, chips }), {
+    title: 'ESP32 not found',
+    text: 'No port. Plug it in.',
+  });
 });
 
 test('the socket beside the page comes first, our own ports only on plain http', () => {

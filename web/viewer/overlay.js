@@ -42,6 +42,8 @@ export class Overlay {
     this.measurement = null;
     /** Wall clock minus monotonic clock, NaN while unknown. */
     this.unixOffsetS = NaN;
+    /** By channel: how long nothing came, in words; empty while pings come. @type {Record<Channel, string>} */
+    this.silence = { A: '', B: '' };
     this.rem = 16;
     this.rulerPx = 28;
     this.readColors();
@@ -174,13 +176,19 @@ export class Overlay {
   /** Which side is which, in words and colour. @param {number} dpr */
   drawSides(dpr) {
     for (const pane of this.waterfall.panes) {
-      const words = pane.channel === 'A' ? 'Starboard A' : 'Port B';
+      this.setFont(0.75, true);
+      const whole = pane.channel === 'A' ? 'Starboard A' : 'Port B';
+      const fits = this.context.measureText('Starboard A').width + 2 * this.rem < pane.width / dpr;
+      const words = fits ? whole : pane.channel;
       const color = pane.channel === 'A' ? '#5fe09b' : '#ff9088';
       const y = this.rulerPx + pane.y / dpr + 0.9 * this.rem;
       const middle = (pane.mirrored ? pane.x + pane.width : pane.x) / dpr;
       const side = this.waterfall.view.layout === 'side';
       const x = side ? middle + (pane.mirrored ? -0.75 : 0.75) * this.rem : (pane.x + pane.width / 2) / dpr;
-      this.plate(words, x, y, color, side ? (pane.mirrored ? 'right' : 'left') : 'center', true);
+      const align = side ? (pane.mirrored ? 'right' : 'left') : 'center';
+      this.plate(words, x, y, color, align, true);
+      const silence = this.silence[pane.channel];
+      if (silence) this.plate(silence, x, y + 1.5 * this.rem, MARK, align, true);
     }
   }
 
@@ -267,7 +275,9 @@ export class Overlay {
     context.lineTo(at.x - size, at.y);
     context.closePath();
     this.outlined(MARK, marker.selected ? 2.5 : 1.5);
-    const onRight = at.x > (this.canvas.width / (this.dpr ?? 1)) * 0.85;
+    this.setFont(0.75, marker.selected);
+    const right = at.x + size + context.measureText(marker.name).width + this.rem;
+    const onRight = right > this.canvas.width / (this.dpr ?? 1);
     const x = at.x + (onRight ? -1 : 1) * (size + 0.25 * this.rem);
     this.plate(marker.name, x, at.y, MARK, onRight ? 'right' : 'left', marker.selected);
   }

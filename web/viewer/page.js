@@ -21,7 +21,7 @@ import { lossBetween } from './row_table.js';
 import { Readout } from './readout.js';
 import { saveSnapshot } from './snapshot.js';
 import { Stage } from './stage.js';
-import { FIRST_CHIPS, chipsOf, waitingText } from './status.js';
+import { FIRST_CHIPS, chipsOf, originOf, waitingText } from './status.js';
 import { ToolBar } from './tools.js';
 import { Track } from './track.js';
 import { Transport } from './transport.js';
@@ -160,6 +160,10 @@ export class ViewerPage {
     awake();
   }
 
+  get origin() {
+    return originOf(this.status, this.feed.simulated);
+  }
+
   /* What arrives */
 
   /** @param {any} message */
@@ -259,6 +263,7 @@ export class ViewerPage {
       channels[name] = { ageS: (now - lastArrivalMs) / 1000, perS: this.perS[name], missed, loss };
     }
     const { phase } = this.feed.connection.state;
+    this.transport.showSilence(phase === 'open');
     this.strip?.update(
       chipsOf({
         phase,
@@ -271,7 +276,10 @@ export class ViewerPage {
     );
     this.strip?.setStale(phase !== 'open');
     this.overlay.unit = this.feed.coarse && !(this.feed.coarseRangeM.A > 0) ? 'bin' : 'm';
-    byId('simulated', HTMLElement).hidden = !(this.status?.simulated ?? this.feed.simulated);
+    const origin = this.origin;
+    setText(byId('simulated', HTMLElement), origin);
+    byId('simulated', HTMLElement).hidden = origin === '';
+    this.transport.isReplay = origin === 'REPLAY';
     if (now - this.vehicleAtMs > STALE_AFTER_S * 1000) this.readout?.showVehicle(null);
     this.transport.showWaiting(waitingText(this.feed, this.waterfall.hasData, this.status));
     this.transport.show(this.newPings);
@@ -462,7 +470,7 @@ export class ViewerPage {
     try {
       await saveSnapshot(this.stage, {
         vehicle: performance.now() - this.vehicleAtMs < STALE_AFTER_S * 1000 ? this.vehicle : null,
-        simulated: this.status?.simulated ?? this.feed.simulated,
+        origin: this.origin,
         unixOffsetS: this.overlay.unixOffsetS,
         gainText: `Gain ${signed(gain.gainDb, 1)} dB, time-varied gain ${gain.tvg === 'off' ? 'off' : gain.tvg}`,
       });

@@ -2,7 +2,7 @@
 /** Contacts panel: the list with thumbnails, editing, export; and the small form that drops a contact. */
 
 import { make, saveBlob, setText } from '../shared/dom.js';
-import { dateTime, fixed } from '../shared/format.js';
+import { dateTime, fixed, geodetic } from '../shared/format.js';
 import { contactsCsv } from './contacts.js';
 import { confirmed, toast } from './dialogs.js';
 import { displayLevel } from './gain.js';
@@ -73,7 +73,9 @@ export class ContactsPanel {
     const side = contact.channel === 'A' ? 'starboard' : 'port';
     const place = contact.range_m === null ? side : `${fixed(contact.range_m, 1)} m ${side}`;
     const known = contact.latitude_deg !== null && contact.longitude_deg !== null;
-    const position = known ? `, ${fixed(contact.latitude_deg, 5)} ${fixed(contact.longitude_deg, 5)}` : '';
+    const position = known
+      ? `, ${geodetic(contact.latitude_deg, 'latitude', 5)}, ${geodetic(contact.longitude_deg, 'longitude', 5)}`
+      : '';
     const note = contact.note ? ` ${contact.note}` : '';
     return make(
       'li',

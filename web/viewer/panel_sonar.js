@@ -232,7 +232,13 @@ export class SonarPanel {
     const sum = periodArithmetic(rangeM, Number.isFinite(speed) ? speed : 1500, this.effective('period_ms'));
     const samplesText = Number.isFinite(samples) ? `${count(samples)} samples a ping. ` : '';
     setText(this.sum, `${samplesText}${sum ? `Two-way time ${sum.text}` : ''}`);
-    this.sum.dataset.state = sum && !sum.fits ? 'fault' : '';
+    const refused = sum !== null && !sum.fits;
+    this.sum.dataset.state = refused ? 'fault' : '';
+    const period = this.rows.get('period_ms');
+    if (!refused || !period) return;
+    period.input.setAttribute('aria-invalid', 'true');
+    setText(period.read, `Too short: ${sum.leastMs} ms at least`);
+    period.read.dataset.state = 'warn';
   }
 
   refreshDevice() {

@@ -115,14 +115,18 @@ export function twoWayTimeS(rangeM, soundSpeedMps) {
  * @param {number} rangeM
  * @param {number} soundSpeedMps
  * @param {number} periodMs
- * @returns {{fits: boolean, text: string} | null} null when something is unknown
+ * @returns {{fits: boolean, leastMs: number, text: string} | null} null when something is unknown
  */
 export function periodArithmetic(rangeM, soundSpeedMps, periodMs) {
   if (!(rangeM > 0) || !(soundSpeedMps > 0) || !(periodMs > 0)) return null;
   const needMs = 1000 * twoWayTimeS(rangeM, soundSpeedMps);
   const fits = periodMs >= needMs;
   const sum = `2 \u00d7 ${trim(rangeM)} m / ${trim(soundSpeedMps)} m/s = ${needMs.toFixed(1)} ms`;
-  return { fits, text: `${sum} ${fits ? '\u2264' : '>'} period ${trim(periodMs)} ms` };
+  return {
+    fits,
+    leastMs: Math.ceil(needMs),
+    text: `${sum} ${fits ? '\u2264' : '>'} period ${trim(periodMs)} ms`,
+  };
 }
 
 /** @param {number} value */

@@ -2,7 +2,7 @@
 /** The line below the picture: what is under the cursor, and the vehicle now. Places are reserved, nothing jumps. */
 
 import { make, setText } from '../shared/dom.js';
-import { clockTime, count, fixed, heading } from '../shared/format.js';
+import { clockTime, count, fixed, geodetic, heading } from '../shared/format.js';
 import { echoPosition } from './ranging.js';
 import { LOST } from './row_table.js';
 
@@ -16,7 +16,7 @@ const PLACES = /** @type {const} */ ([
   ['time', 'Time', 10, false, false],
   ['amplitude', 'Echo', 11, false, false],
   ['ping', 'Ping', 7, true, false],
-  ['position', 'Position', 22, true, false],
+  ['position', 'Position', 26, true, false],
   ['heading', 'Heading', 5, true, true],
   ['depth', 'Depth', 8, false, false],
 ]);
@@ -100,5 +100,5 @@ function positionText(spot, track) {
   const position = positionOf(spot, track);
   if (!position) return 'unknown';
   const { latitudeDeg, longitudeDeg } = position;
-  return `\u2248 ${Math.abs(latitudeDeg).toFixed(5)}${latitudeDeg < 0 ? 'S' : 'N'} ${Math.abs(longitudeDeg).toFixed(5)}${longitudeDeg < 0 ? 'W' : 'E'}`;
+  return `\u2248 ${geodetic(latitudeDeg, 'latitude', 5)}, ${geodetic(longitudeDeg, 'longitude', 5)}`;
 }

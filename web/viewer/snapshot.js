@@ -11,7 +11,7 @@ const FOOTER_REM = 4.75;
 
 /**
  * @param {Stage} stage
- * @param {{vehicle: any, simulated: boolean, unixOffsetS: number, gainText: string}} facts
+ * @param {{vehicle: any, origin: string, unixOffsetS: number, gainText: string}} facts
  */
 export async function saveSnapshot(stage, facts) {
   const canvas = composeSnapshot(stage, facts);
@@ -31,7 +31,7 @@ export async function saveSnapshot(stage, facts) {
 
 /**
  * @param {Stage} stage
- * @param {{vehicle: any, simulated: boolean, unixOffsetS: number, gainText: string}} facts
+ * @param {{vehicle: any, origin: string, unixOffsetS: number, gainText: string}} facts
  */
 function composeSnapshot(stage, facts) {
   const { waterfall, overlay, dpr } = stage;
@@ -54,7 +54,7 @@ function composeSnapshot(stage, facts) {
 /**
  * @param {CanvasRenderingContext2D} context
  * @param {Stage} stage
- * @param {{vehicle: any, simulated: boolean, unixOffsetS: number, gainText: string}} facts
+ * @param {{vehicle: any, origin: string, unixOffsetS: number, gainText: string}} facts
  * @param {number} top
  */
 function drawFacts(context, stage, facts, top) {
@@ -89,19 +89,14 @@ function drawFacts(context, stage, facts, top) {
 
 /**
  * @param {import('./waterfall.js').Waterfall} waterfall
- * @param {{vehicle: any, simulated: boolean, unixOffsetS: number}} facts
+ * @param {{vehicle: any, origin: string, unixOffsetS: number}} facts
  */
-export function snapshotLines(waterfall, { vehicle, simulated, unixOffsetS }) {
+export function snapshotLines(waterfall, { vehicle, origin, unixOffsetS }) {
   const newest = waterfall.topS + unixOffsetS;
   const oldest = newest - waterfall.windowS;
   const { fromM, toM } = waterfall.state;
   const time = Number.isFinite(newest) ? `${dateTime(oldest)} to ${clockTime(newest)}` : 'time unknown';
-  const first = [
-    simulated ? 'SIMULATED' : null,
-    'Side-scan sonar',
-    time,
-    `range ${fixed(fromM, 1)} to ${fixed(toM, 1)} m`,
-  ];
+  const first = [origin || null, 'Side-scan sonar', time, `range ${fixed(fromM, 1)} to ${fixed(toM, 1)} m`];
   const known = vehicle && Number.isFinite(vehicle.latitude_deg) && Number.isFinite(vehicle.longitude_deg);
   const second = [
     known

@@ -19,6 +19,17 @@ import { age, fixed } from '../shared/format.js';
 const SILENT_AFTER_S = 3;
 const LOSS_ALLOWED_PERCENT = 2;
 
+/** What the extension alone knows; the sonars and the link are judged with what this page sees itself. */
+const FROM_EXTENSION = /** @type {Array<[string, string]>} */ ([
+  ['imu', 'IMU'],
+  ['depth', 'Depth'],
+  ['ctd', 'CTD'],
+  ['gps', 'GPS'],
+  ['recorder', 'Recorder'],
+  ['mavlink', 'MAVLink'],
+]);
+const WORST_FIRST = ['fault', 'warn', 'unknown', 'off', 'ok'];
+
 /** The chips before anything is known: their places are reserved. */
 export const FIRST_CHIPS = /** @type {ChipData[]} */ (
   [
@@ -26,23 +37,45 @@ export const FIRST_CHIPS = /** @type {ChipData[]} */ (
     ['sonar_b', 'Port B'],
     ['sonar_a', 'Stbd A'],
     ['loss', 'Loss'],
-    ['extension', 'Extension'],
+    ...FROM_EXTENSION,
+    ['others', 'Vehicle'],
   ].map(([id, label]) => ({ id, label, state: 'unknown', text: '-' }))
 );
 
 /** @param {Facts} facts @returns {ChipData[]} */
 export function chipsOf(facts) {
+  const known = extensionChips(facts);
+  const parts = FROM_EXTENSION.map(
+    ([id, label]) => known.get(id) ?? { id, label, state: 'unknown', text: '-' },
+  );
   return [
-    linkChip(facts),
-    sonarChip(facts, 'B'),
-    sonarChip(facts, 'A'),
+    linkChip(facts, known),
+    sonarChip(facts, 'B', known),
+    sonarChip(facts, 'A', known),
     lossChip(facts),
-    extensionChip(facts),
+    ...parts,
+    othersChip(parts),
   ];
 }
 
-/** @param {Facts} facts @returns {ChipData} */
-function linkChip({ phase, coarse, malformed }) {
+/**
+ * What the extension says of each part, as long as it says it.
+ * @param {Facts} facts
+ * @returns {Map<string, ChipData>}
+ */
+function extensionChips({ phase, status, statusAgeS }) {
+  const isHeard = phase === 'open' && status?.extension_link && statusAgeS <= SILENT_AFTER_S;
+  const chips = isHeard && Array.isArray(status.chips) ? status.chips : [];
+  return new Map(chips.map((/** @type {ChipData} */ chip) => [chip.id, chip]));
+}
+
+/**
+ * The first thing on the way from the ESP32 to this page that does not hold.
+ * @param {Facts} facts
+ * @param {Map<string, ChipData>} known
+ * @returns {ChipData}
+ */
+function linkChip({ phase, coarse, malformed, status }, known) {
   const chip = { id: 'link', label: 'Link' };
   if (phase !== 'open') {
     return {
@@ -62,6 +95,17 @@ function linkChip({ phase, coarse, malformed }) {
       cure: 'Open the page at port 8100 of the vehicle directly, or update BlueOS so that its proxy passes WebSockets.',
     };
   }
+  if (status && !status.extension_link) {
+    return {
+      ...chip,
+      state: 'fault',
+      text: 'no extension',
+      cause: 'The viewer service has no link to the extension: no settings, no contacts, no position.',
+      cure: 'Start the extension on the same computer (both share one state folder); the link comes back by itself.',
+    };
+  }
+  const board = known.get('link');
+  if (board && board.state !== 'ok') return { ...board, ...chip };
   if (malformed > 0) {
     return {
       ...chip,
@@ -71,16 +115,47 @@ function linkChip({ phase, coarse, malformed }) {
       cure: 'Reload the page: page and service may be of different versions.',
     };
   }
-  return { ...chip, state: 'ok', text: 'connected' };
+  return board ? { ...board, ...chip } : { ...chip, state: 'ok', text: 'connected' };
 }
 
-/** @param {Facts} facts @param {'A' | 'B'} name @returns {ChipData} */
-function sonarChip({ phase, status, channels }, name) {
+/**
+ * All that has no chip of its own where there is no room for it: the worst of them speaks.
+ * @param {ChipData[]} parts
+ * @returns {ChipData}
+ */
+function othersChip(parts) {
+  const chip = { id: 'others', label: 'Vehicle' };
+  const rank = (/** @type {ChipData} */ part) => WORST_FIRST.indexOf(part.state);
+  const wrong = parts.filter((part) => part.state === 'fault' || part.state === 'warn');
+  wrong.sort((one, other) => rank(one) - rank(other));
+  const lines = parts.map((part) => /** @type {[string, string]} */ ([part.label, part.text ?? '-']));
+  if (wrong.length === 0) {
+    const isKnown = parts.every((part) => part.state !== 'unknown');
+    return { ...chip, state: isKnown ? 'ok' : 'unknown', text: isKnown ? 'no faults' : '-', parts: lines };
+  }
+  const [{ state, label, text, cause, cure }] = wrong;
+  return { ...chip, state, text: `${label}: ${text}`, cause, cure, parts: lines };
+}
+
+/**
+ * @param {Facts} facts
+ * @param {'A' | 'B'} name
+ * @param {Map<string, ChipData>} known
+ * @returns {ChipData}
+ */
+function sonarChip({ phase, status, channels }, name, known) {
   const words = name === 'A' ? 'Starboard' : 'Port';
   const chip = { id: name === 'A' ? 'sonar_a' : 'sonar_b', label: name === 'A' ? 'Stbd A' : 'Port B' };
   const here = channels[name];
   if (phase !== 'open') return { ...chip, state: 'unknown', text: '-' };
-  if (here.ageS < SILENT_AFTER_S) return { ...chip, state: 'ok', text: `${fixed(here.perS, 1)} pings/s` };
+  if (here.ageS < SILENT_AFTER_S) {
+    // The rate is known from the second ping on.
+    const text = Number.isFinite(here.perS) ? `${fixed(here.perS, 1)} pings/s` : 'receiving';
+    return { ...chip, state: 'ok', text };
+  }
+  // The extension knows more: behind a link that is down, a sonar has no fault of its own.
+  const reported = known.get(chip.id);
+  if (reported && reported.state !== 'ok') return { ...reported, ...chip };
   const alive = status?.channels?.[name]?.alive;
   return {
     ...chip,
@@ -120,19 +195,15 @@ function lossChip({ phase, status, channels }) {
   };
 }
 
-/** @param {Facts} facts @returns {ChipData} */
-function extensionChip({ phase, status, statusAgeS }) {
-  const chip = { id: 'extension', label: 'Extension' };
-  if (phase !== 'open' || !status || statusAgeS > SILENT_AFTER_S)
-    return { ...chip, state: 'unknown', text: '-' };
-  if (status.extension_link) return { ...chip, state: 'ok', text: 'linked' };
-  return {
-    ...chip,
-    state: 'fault',
-    text: 'not linked',
-    cause: 'The viewer service has no link to the extension: no settings, no contacts, no position.',
-    cure: 'Start the extension on the same computer (both share one state folder); the link comes back by itself.',
-  };
+/**
+ * What is not the water of now must be called so.
+ * @param {any} status
+ * @param {boolean} simulated as the pings say, for as long as there is no status
+ * @returns {'REPLAY' | 'SIMULATED' | ''}
+ */
+export function originOf(status, simulated) {
+  if (status?.source === 'replay') return 'REPLAY';
+  return (status?.simulated ?? simulated) ? 'SIMULATED' : '';
 }
 
 /**
@@ -155,6 +226,10 @@ export function waitingText(feed, hasData, status) {
       title: 'Waiting for the extension',
       text: 'The viewer runs, but the extension that reads the ESP32 is not linked to it. Start it, or see the dashboard.',
     };
+  }
+  const board = status?.chips?.find((/** @type {ChipData} */ chip) => chip.id === 'link');
+  if (board?.state === 'fault') {
+    return { title: board.text, text: [board.cause, board.cure].filter(Boolean).join(' ') };
   }
   return {
     title: 'Waiting for the first ping',

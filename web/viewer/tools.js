@@ -3,6 +3,7 @@
 
 import { make, setAttribute, setText } from '../shared/dom.js';
 import { chooseTheme, currentTheme } from '../shared/theme.js';
+import { toast } from './dialogs.js';
 import { icon, setIcon } from './icons.js';
 
 /** @typedef {import('./page.js').ViewerPage} ViewerPage */
@@ -23,9 +24,15 @@ export class ToolBar {
     );
     this.add('layout', 'View', 'Side by side, stacked, one side (1 to 4)', () => page.nextLayout());
     this.add('snapshot', 'Save', 'Snapshot as PNG (S)', () => page.snapshot());
+    this.add('sensors', 'Sensors', 'The dashboard with every sensor, in another tab', () =>
+      openDashboard(page.status?.dashboard_port),
+    );
     this.add('theme', 'Theme', 'Light or dark (T)', () => this.switchTheme());
     this.add('full', 'Full', 'Full screen (F)', () => page.fullScreen());
     this.add('help', 'Keys', 'Keys and gestures (?)', () => page.help());
+    this.count = make('span', { class: 'count', 'aria-hidden': 'true' });
+    this.count.hidden = true;
+    this.tools.contacts.button.append(this.count);
     for (const name of ['picture', 'contacts', 'sonar']) {
       setAttribute(this.tools[name].button, 'aria-expanded', 'false');
       setAttribute(this.tools[name].button, 'aria-controls', 'panel');
@@ -42,10 +49,10 @@ export class ToolBar {
       type: 'button',
       id: `tool-${name}`,
       title,
-      'aria-label': title,
       on: { click },
     });
     button.append(image, text);
+    setAttribute(button, 'aria-label', `${label}: ${title}`);
     this.tools[name] = { button, icon: image, text };
     this.root.append(button);
   }
@@ -61,12 +68,14 @@ export class ToolBar {
     const { icon: image, text, button } = this.tools.pause;
     setIcon(image, paused ? 'play' : 'pause');
     setText(text, paused ? 'Live' : 'Pause');
-    setAttribute(button, 'aria-label', paused ? 'Back to live (Space)' : 'Pause (Space)');
+    setAttribute(button, 'aria-label', paused ? 'Live: back to live (Space)' : 'Pause (Space)');
   }
 
   /** @param {number} contacts */
   showContacts(contacts) {
-    setText(this.tools.contacts.text, contacts > 0 ? `${contacts}` : 'Contacts');
+    this.count.hidden = contacts === 0;
+    setText(this.count, String(contacts));
+    setAttribute(this.tools.contacts.button, 'aria-label', `Contacts: ${contacts} named (C)`);
   }
 
   /** @param {string | null} name */
@@ -84,4 +93,13 @@ export class ToolBar {
   switchTheme() {
     chooseTheme(currentTheme() === 'dark' ? 'light' : 'dark');
   }
+}
+
+/**
+ * It has its own port; the path of this page may be a proxy's.
+ * @param {unknown} port
+ */
+function openDashboard(port) {
+  if (Number.isInteger(port)) window.open(`http://${location.hostname}:${port}/`, '_blank', 'noopener');
+  else toast('The service has not said yet where the dashboard is.', 'fault');
 }

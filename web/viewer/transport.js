@@ -2,7 +2,7 @@
 /** Live, paused or silent: the words over the picture, the way back to live, the time line, the empty picture. */
 
 import { byId, setText } from '../shared/dom.js';
-import { clockTime, count, duration } from '../shared/format.js';
+import { age, clockTime, count, duration } from '../shared/format.js';
 import { Timeline } from './timeline.js';
 
 const SILENT_AFTER_S = 3;
@@ -28,6 +28,7 @@ export class Transport {
       byId('timeline-thumb', HTMLElement),
       handlers,
     );
+    this.isReplay = false;
     /** @type {(paused: boolean) => void} */
     this.onPaused = () => {};
   }
@@ -55,11 +56,27 @@ export class Transport {
     this.onPaused(!view.live);
   }
 
+  /**
+   * An empty half of a live picture says why it is empty.
+   * @param {boolean} isOpen without a connection the page itself is deaf
+   */
+  showSilence(isOpen) {
+    const { feed, overlay, waterfall } = this;
+    for (const name of /** @type {const} */ (['A', 'B'])) {
+      const silentS = (performance.now() - feed.channels[name].lastArrivalMs) / 1000;
+      const isSilent = isOpen && waterfall.view.live && silentS > SILENT_AFTER_S;
+      const words = !isSilent ? '' : Number.isFinite(silentS) ? `silent for ${age(silentS)}` : 'no pings';
+      if (overlay.silence[name] === words) continue;
+      overlay.silence[name] = words;
+      waterfall.invalidate();
+    }
+  }
+
   /** @param {'live' | 'paused' | 'stale'} kind @param {number} silentS */
   words(kind, silentS) {
-    if (kind === 'live') return '\u25cf Live';
+    if (kind === 'live') return this.isReplay ? '\u25cf Replay' : '\u25cf Live';
     if (kind === 'paused') return `Paused at ${this.topLabel()}`;
-    return Number.isFinite(silentS) ? `No new pings for ${duration(silentS)}` : 'No live pings';
+    return Number.isFinite(silentS) ? `No new pings for ${age(silentS)}` : 'No live pings';
   }
 
   /** Time at the upper edge: of the day where it is known. */

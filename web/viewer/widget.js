@@ -6,7 +6,7 @@ import { startTheme } from '../shared/theme.js';
 import { Feed } from './feed.js';
 import { DEFAULT_PALETTE, PALETTES } from './palettes.js';
 import { Stage } from './stage.js';
-import { waitingText } from './status.js';
+import { originOf, waitingText } from './status.js';
 
 /**
  * @param {URLSearchParams} query
@@ -32,7 +32,7 @@ function start() {
     { view: { layout: options.layout }, gain: {}, palette: options.palette, inverted: options.inverted },
   );
   const waiting = byId('waiting', HTMLElement);
-  const simulated = byId('simulated', HTMLElement);
+  const badge = byId('simulated', HTMLElement);
   /** @type {any} */
   let status = null;
   const feed = new Feed(stage.waterfall, {
@@ -41,7 +41,6 @@ function start() {
     },
     onPing: (ping) => {
       stage.overlay.unixOffsetS = ping.timeUnixS - ping.monotonicS;
-      simulated.hidden = !ping.simulated;
     },
     onRestart: () => {},
     onState: () => {},
@@ -49,6 +48,9 @@ function start() {
   });
   feed.start();
   setInterval(() => {
+    const origin = originOf(status, feed.simulated);
+    setText(badge, origin);
+    badge.hidden = origin === '';
     const text = waitingText(feed, stage.waterfall.hasData, status);
     waiting.hidden = text === null;
     if (text) setText(waiting, text.title);

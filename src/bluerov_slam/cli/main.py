@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
 
 import click
 
@@ -20,6 +21,11 @@ COMMANDS = {
     "simulate": "simulate",
     "viewer": "viewer",
 }
+
+
+# Told apart by the supervisor: the first will fail again, the second may not.
+EXPECTED_FAILURE = 1
+CRASH = 70  # EX_SOFTWARE of sysexits.h
 
 
 class LazyGroup(click.Group):
@@ -43,9 +49,12 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command line; an expected error is one line and exit code 1."""
+    """Run the command line; an expected error is one line and exit code 1, a fault of ours a traceback and 70."""
     try:
         cli()
     except ExpectedError as error:
         click.echo(f"bluerov-slam: {error}", err=True)
-        sys.exit(1)
+        sys.exit(EXPECTED_FAILURE)
+    except Exception:
+        traceback.print_exc()
+        sys.exit(CRASH)

@@ -43,9 +43,12 @@ def command(
     flags: tuple[str, ...],
     log_level: str,
 ) -> None:
-    """Serve both pages from FILE (a session folder, its zip, an MCAP file or a plain capture); nothing is recorded."""
+    """Serve both pages from FILE (a session folder, its zip, an MCAP file or a plain capture).
+
+    Nothing is recorded, and no MAVLink is sent unless --set mavlink.enabled=true asks for it.
+    """
     start_logging(log_level)
-    store = SettingsStore.open(config, parse_flags(flags))
+    store = SettingsStore.open(config, replay_flags(flags))
     source = ReplaySource(open_recording(file), speed, baud or store.settings.serial.baud)
     if extension_only:
         asyncio.run(_serve(store, source))
@@ -59,6 +62,13 @@ def command(
     click.echo(f"Sonar      http://localhost:{store.settings.viewer.port}")
     click.echo("Stop with Ctrl-C")
     sys.exit(asyncio.run(_supervise(children)))
+
+
+def replay_flags(flags: tuple[str, ...]) -> dict[str, object]:
+    """The flags of a replay. MAVLink stays off unless a flag wants it: old attitude and position of a dive that is over
+    must not reach a vehicle because its owner once switched MAVLink on.
+    """
+    return {"mavlink.enabled": False, **parse_flags(flags)}
 
 
 async def _serve(store: SettingsStore, source: ReplaySource) -> None:

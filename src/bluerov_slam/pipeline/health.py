@@ -25,7 +25,7 @@ from bluerov_slam.pipeline.health_model import (
     RecorderFacts,
     RecorderState,
 )
-from bluerov_slam.pipeline.health_sensors import check_ctd, check_depth, check_gps, check_imu, check_sonar
+from bluerov_slam.pipeline.health_sensors import check_ctd, check_depth, check_gps, check_imu, check_sonar, patient
 from bluerov_slam.records import Channel
 
 if TYPE_CHECKING:
@@ -50,12 +50,12 @@ __all__ = [
 
 _CHECKS: tuple[tuple[str, str, Callable[[float, HealthMemory, HealthFacts], Finding]], ...] = (
     ("link", "Link", check_link),
-    ("sonar_a", "Sonar A", partial(check_sonar, Channel.A)),
-    ("sonar_b", "Sonar B", partial(check_sonar, Channel.B)),
-    ("imu", "IMU", check_imu),
-    ("depth", "Depth", check_depth),
-    ("ctd", "CTD", check_ctd),
-    ("gps", "GPS", check_gps),
+    ("sonar_a", "Sonar A", patient(partial(check_sonar, Channel.A))),
+    ("sonar_b", "Sonar B", patient(partial(check_sonar, Channel.B))),
+    ("imu", "IMU", patient(check_imu)),
+    ("depth", "Depth", patient(check_depth)),
+    ("ctd", "CTD", patient(check_ctd)),
+    ("gps", "GPS", patient(check_gps)),
     ("recorder", "Recorder", check_recorder),
     ("mavlink", "MAVLink", check_mavlink),
 )

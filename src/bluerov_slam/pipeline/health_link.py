@@ -25,6 +25,8 @@ SILENT_AFTER_S = 3.0
 CHECKSUM_ERRORS_SHOWN = 3
 NEARLY_FULL_S = 1800.0
 NEARLY_FULL_BYTES = 1_000_000_000
+# Room beyond this is told in days, as the Recordings page does.
+LONG_ROOM_H = 48.0
 BROWNOUT = 9
 
 # esp_reset_reason() of ESP-IDF.
@@ -76,8 +78,8 @@ def check_link(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Findin
             level=FaultLevel.WARNING,
             age_s=age_s,
         )
-    text = "Replay" if link.kind == "replay" else "Receiving"
-    return Finding(ChipState.OK, f"{text}, {memory.frames.rate_hz:.0f} frames/s", age_s=age_s)
+    rate = f"{memory.frames.rate_hz:.0f} frames/s"
+    return Finding(ChipState.OK, f"Replay, {rate}" if link.kind == "replay" else rate, age_s=age_s)
 
 
 def _port_fault(link: LinkFacts) -> Finding:
@@ -205,8 +207,13 @@ def check_recorder(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Fi
         )
     if recorder.state is RecorderState.WAITING:
         return Finding(ChipState.UNKNOWN, "Waits for the first frame")
-    left = "" if recorder.seconds_left is None else f", {recorder.seconds_left / 3600:.0f} h left"
+    left = "" if recorder.seconds_left is None else f", {_room(recorder.seconds_left)} left"
     return Finding(ChipState.OK, f"Recording{left}", age_s=0.0)
+
+
+def _room(seconds: float) -> str:
+    hours = seconds / 3600
+    return f"{hours:.0f} h" if hours < LONG_ROOM_H else f"{hours / 24:.0f} d"
 
 
 def _nearly_full(facts: HealthFacts) -> bool:

@@ -8,13 +8,21 @@ from bluerov_slam.pipeline.health_model import ChipState, FaultLevel, Finding, w
 from bluerov_slam.records import Channel, FixType, Sender
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from bluerov_slam.pipeline.health_memory import HealthMemory
     from bluerov_slam.pipeline.health_model import HealthFacts
     from bluerov_slam.records import GpsFix, Ping, SensorSample
 
+    Check = Callable[[float, HealthMemory, HealthFacts], Finding]
+
 STALE_AFTER_S = 3.0
 UNDER_WATER_M = 0.5
 INCOMPLETE_SHARE_SHOWN = 0.02
+# One ping with a gap is what joining a running sonar in the middle of a ping leaves.
+INCOMPLETE_PINGS_EXCUSED = 1
+# Sensors and sonars need a moment after power-up: what does not talk then is not yet missing.
+STARTING_MS = 5000
 SONAR_ERRORS_SHOWN = 3
 
 _PINS = {Channel.A: "RX 16, TX 17", Channel.B: "RX 25, TX 26"}
@@ -38,7 +46,7 @@ def check_sonar(channel: Channel, now_s: float, memory: HealthMemory, facts: Hea
             age_s=age_s,
         )
     pings, incomplete = memory.ping_rate[channel].increase, memory.pings_incomplete[channel].increase
-    if incomplete and incomplete > INCOMPLETE_SHARE_SHOWN * pings:
+    if incomplete > max(INCOMPLETE_PINGS_EXCUSED, INCOMPLETE_SHARE_SHOWN * pings):
         return wrong(
             f"sonar_{channel.value.lower()}_gaps",
             f"{incomplete} of {max(pings, incomplete)} pings have gaps",
@@ -89,6 +97,19 @@ def _silent_sonar(channel: Channel, now_s: float, memory: HealthMemory, age_s: f
     )
 
 
+def patient(check: Check) -> Check:
+    """The check, silent about faults while the board is starting."""
+
+    def check_patiently(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding:
+        finding, sample = check(now_s, memory, facts), memory.sensors
+        starting = sample is not None and sample.device_ms < STARTING_MS and _fresh(now_s, sample.arrived_s)
+        if finding.fault is None or not starting:
+            return finding
+        return Finding(ChipState.UNKNOWN, "Starting", age_s=finding.age_s)
+
+    return check_patiently
+
+
 def check_imu(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding:
     """HWT905."""
     sample = memory.sensors
@@ -102,7 +123,6 @@ def check_imu(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "The IMU does not talk: no power, wrong pins (RX 13, TX 15), another baud rate than 9600, or more than "
             "three software serial ports in use.",
             "Check its 5 V and wires; restart the ESP32.",
-            age_s=age_s,
         )
     if sample.roll_rad is None:
         return wrong(
@@ -132,7 +152,6 @@ def check_depth(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Findi
             "The MS5837 does not answer at I2C address 0x76: pull-ups missing, wires longer than 10 cm, "
             "or a loose plug.",
             "Check SDA 21, SCL 22, 4.7 kOhm to 3.3 V and the plug.",
-            age_s=age_s,
         )
     if sample.pressure_pa is None:
         return _unbelievable_pressure(sample, age_s)
@@ -171,7 +190,6 @@ def check_ctd(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "The TSYS01 does not answer at I2C address 0x77: pull-ups missing, wires longer than 10 cm, "
             "or a loose plug.",
             "Check SDA 21, SCL 22, 4.7 kOhm to 3.3 V and the plug.",
-            age_s=age_s,
         )
     if not sample.ec_alive:
         return wrong(
@@ -179,7 +197,6 @@ def check_ctd(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "Conductivity silent",
             "The EZO EC does not talk: no power, wires swapped (RX 19, TX 18), or set to I2C mode (blue light).",
             "Check its wires; switch it to UART mode (green light), 9600 baud.",
-            age_s=age_s,
         )
     if sample.conductivity_s_per_m is None:
         return _unbelievable_conductivity(sample, age_s)
@@ -222,7 +239,6 @@ def check_gps(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding
             "Silent",
             "The GPS receiver does not talk: no power, wrong pins (RX 27, TX 14), or another baud rate than 9600.",
             "Check its supply and wires; restart the ESP32.",
-            age_s=age_s,
         )
     if _has_fix(now_s, sample, fix):
         kind = "2D fix" if fix is not None and fix.fix is FixType.FIX_2D else "Fix"

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bluerov_slam.protocol.esp32_messages import GpsFields, ImuBurstFields, ImuScale
-from bluerov_slam.protocol.fixed_point import I32_MAX, I32_MIN, U8_MAX, U16_MAX, saturated, saturated_i16
+from bluerov_slam.protocol.fixed_point import (
+    I32_MAX,
+    I32_MIN,
+    U8_MAX,
+    U16_MAX,
+    is_position_e7,
+    saturated,
+    saturated_i16,
+)
 from bluerov_slam.protocol.sensor_frame import STANDARD_GRAVITY_MPS2
 from bluerov_slam.records import DeviceStatus, FixType, GpsFix, ImuBurst
 
@@ -58,9 +66,9 @@ def imu_burst_fields(
 
 
 def gps_fix(fields: GpsFields, measured_s: float, arrived_s: float) -> GpsFix:
-    """The record of a GPS frame. Without a fix, or at exactly 0 N 0 E, there is no position."""
+    """The record of a GPS frame. Without a fix, at exactly 0 N 0 E or off the Earth, there is no position."""
     fix = FixType(fields.fix) if fields.fix in (FixType.FIX_2D, FixType.FIX_3D) else FixType.NONE
-    known = fix is not FixType.NONE and bool(fields.latitude_e7 or fields.longitude_e7)
+    known = fix is not FixType.NONE and is_position_e7(fields.latitude_e7, fields.longitude_e7)
     return GpsFix(
         measured_s=measured_s,
         arrived_s=arrived_s,

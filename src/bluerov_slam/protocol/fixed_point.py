@@ -32,6 +32,12 @@ def saturated(value: float, minimum: int, maximum: int) -> int:
     return round_half_away(value)
 
 
+def is_position_e7(latitude_e7: int, longitude_e7: int) -> bool:
+    """Whether 1e-7 degrees name a place on Earth; 0 N 0 E is what a receiver without a fix leaves behind."""
+    on_earth = abs(latitude_e7) <= 900_000_000 and abs(longitude_e7) <= 1_800_000_000
+    return on_earth and bool(latitude_e7 or longitude_e7)
+
+
 def saturated_i16(values: NDArray[np.float64]) -> NDArray[np.int16]:
     """`saturated` for an array of signed 16-bit counts."""
     rounded = np.copysign(np.floor(np.abs(values) + 0.5), values)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.protocol.kogger_frame import FrameType, KoggerFrame, KoggerId
+from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, FrameType, KoggerFrame, KoggerId
 from bluerov_slam.records import Channel, Ping
 
 MAX_PING_BYTES = 20_000
@@ -55,6 +55,17 @@ def chart_chunk(frame: KoggerFrame) -> ChartChunk | None:
         return None
     seq_offset, resolution_mm, first_sample = _CHART_HEADER.unpack_from(payload)
     return ChartChunk(seq_offset, resolution_mm, first_sample, payload[6:]) if resolution_mm else None
+
+
+def is_safe_for_kogger_app(frame: bytes) -> bool:
+    """False for a chart frame (whole, BB55) that makes KoggerApp write outside its fill buffer, and so crash."""
+    if frame[0] != KOGGER_SYNC[0] or frame[4] != KoggerId.CHART or frame[3] & 3 != FrameType.CONTENT:
+        return True
+    version = frame[3] >> 3 & 7
+    if version > 1:  # raw data, which KoggerApp keeps elsewhere
+        return True
+    samples = frame[5] - _CHART_HEADER.size
+    return samples >= 0 and frame[6] + (frame[7] << 8) + samples < MAX_PING_BYTES
 
 
 @dataclass(slots=True)

@@ -19,6 +19,7 @@ from bluerov_slam.protocol.fixed_point import (
     U8_MAX,
     U16_MAX,
     U24_MAX,
+    is_position_e7,
     saturated,
 )
 from bluerov_slam.records import Sender, SensorSample
@@ -99,7 +100,7 @@ def sensor_sample(
     """The record of one frame; what the wire marks unavailable, or the caller does not trust, is None."""
     full_range = fields.extension == EXTENSION_FULL_RANGE
     imu_known = bool(fields.imu_alive) and any(_imu_counts(fields))
-    position_known = bool(fields.gps_alive) and bool(fields.latitude_e7 or fields.longitude_e7)
+    position_known = bool(fields.gps_alive) and is_position_e7(fields.latitude_e7, fields.longitude_e7)
     conductivity_dus = _conductivity_dus(fields) if conductivity_trusted else None
     pressure_pa = _pressure_pa(fields) if pressure_trusted else None
     return SensorSample(

@@ -32,12 +32,18 @@ class ChangeGuard:
 
     def _knows_token(self, authorization: str | None) -> bool:
         token = self._token()
-        given = (authorization or "").removeprefix("Bearer ")
-        return bool(token) and hmac.compare_digest(given.encode(), token.encode())
+        return bool(token) and is_bearer(authorization, token)
 
     def _is_trusted(self, origin: str, name: str) -> bool:
         trusted = {entry.rstrip("/").lower() for entry in self._trusted_origins()}
         return origin.lower() in trusted or name in trusted
+
+
+def is_bearer(authorization: str | None, token: str) -> bool:
+    """Whether an Authorization header carries this token; takes as long whatever it carries."""
+    given = (authorization or "").removeprefix("Bearer ")
+    # A header's bytes that are no UTF-8 arrive as lone surrogates.
+    return hmac.compare_digest(given.encode(errors="surrogatepass"), token.encode())
 
 
 _HOW_PROGRAMS_MAY = (

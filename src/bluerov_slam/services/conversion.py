@@ -8,7 +8,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bluerov_slam.errors import RecordingError
-from bluerov_slam.records import Channel, CtdSample, Ping, Record, SensorSample, SonarFrames, UnknownFrame
+from bluerov_slam.records import (
+    Channel,
+    CtdSample,
+    Ping,
+    Record,
+    SensorSample,
+    SonarFrames,
+    UnknownFrame,
+    VehicleRecord,
+)
 from bluerov_slam.services.channel_swap import swapped
 from bluerov_slam.sinks.csv_tables import CsvTables
 from bluerov_slam.sinks.dive_track import DiveTrack
@@ -32,7 +41,7 @@ class _Dive:
         valid = False
         for record in self.records():
             self.track.add(record)
-            valid = valid or not isinstance(record, UnknownFrame)
+            valid = valid or not isinstance(record, UnknownFrame | VehicleRecord)
             if isinstance(record, SonarFrames):
                 self.sonar_frames += len(record.frames)
             elif isinstance(record, Ping) and record.sub_channel:
@@ -127,9 +136,10 @@ def _to_klf(dive: _Dive, path: Path) -> str:
             writer.write(record)
         writer.finish()
     counts = writer.counts
+    refused = f"; {counts.refused} frames on which KoggerApp crashes were left out" if counts.refused else ""
     return (
         f"{counts.frames_a} frames of A (address 1), {counts.frames_b} of B (address 2), "
-        f"{counts.positions} positions, {counts.attitudes} attitudes"
+        f"{counts.positions} positions, {counts.attitudes} attitudes{refused}"
     )
 
 

@@ -193,10 +193,9 @@ class EspLink:
         try:
             if not self._send(encode(sequence)):
                 return _result(CommandOutcome.NO_LINK)
-            async with asyncio.timeout(self._ack_timeout_s):
-                return _result(_OUTCOMES[await answer])
-        except TimeoutError:
-            return _result(CommandOutcome.TIMEOUT)
+            # What came counts, also when this process was held up and finds answer and deadline in the same moment.
+            await asyncio.wait((answer,), timeout=self._ack_timeout_s)
+            return _result(_OUTCOMES[answer.result()] if answer.done() else CommandOutcome.TIMEOUT)
         finally:
             self._under_way.discard(message)
             self._waiting.pop(key, None)
@@ -244,6 +243,8 @@ class EspLink:
         self._watch.bytes_per_s = SLOW_BAUD / 10 if facts.baud <= SLOW_BAUD else None
         if connected and not self._connected:
             self._sync_tries, self._sync_due_s = 0, 0.0
+        elif not connected:
+            self._decode_held()  # nothing comes that it could wait for
         self._connected = connected
         self._on_change()
 

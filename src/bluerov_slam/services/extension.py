@@ -40,6 +40,7 @@ from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mcap_recorder import Recorder, RecordingLimits
 from bluerov_slam.sinks.udp_kogger import UdpKogger
 from bluerov_slam.sinks.websocket import Broadcaster
+from bluerov_slam.sources.replay import ReplaySource
 from bluerov_slam.sources.serial_port import SerialPort
 
 _log = logging.getLogger(__name__)
@@ -74,6 +75,8 @@ class Extension:
         decoder = decoder or LinkDecoder(**decoder_settings(settings))
         if isinstance(source, SerialPort):
             source.frames_understood = lambda: decoder.counters.link.frames_ok
+        elif isinstance(source, ReplaySource):
+            source.on_vehicle = self.hub.publish
         self.wall = wall or WallClock(wall_time(), source.now_s())
         self._observed_wall_time = None if wall else wall_time
         self.recorder = self._make_recorder(settings) if source.kind == "serial" else None
@@ -105,6 +108,7 @@ class Extension:
         self.sensor_http = WebServer(build_websocket_port_app("Sensor data", self.bare.handle))
         self._ticker: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._changing = asyncio.Lock()
 
     async def start(self) -> None:
         """Open the ports, then the link. Raises ExpectedError naming the setting when a port is taken."""
@@ -148,7 +152,14 @@ class Extension:
         self.hub.publish(Event(self.link.source.now_s(), level, text))
 
     async def change_settings(self, change: Callable[[], frozenset[str]]) -> None:
-        """Carry out a change of the store, which writes a file, and put into force what can be at once."""
+        """Carry out a change of the store, which writes a file, and put into force what can be at once.
+
+        One after the other: two pages that change something at the same moment must not undo each other.
+        """
+        async with self._changing:
+            await self._change_settings(change)
+
+    async def _change_settings(self, change: Callable[[], frozenset[str]]) -> None:
         changed = await asyncio.to_thread(change)
         groups = {key.split(".", 1)[0] for key in changed}
         settings = self.store.settings
@@ -219,7 +230,12 @@ class Extension:
             settings.state_folder / TOKEN_FILE,
             self.link.command,
             self.recordings,
-            ViewerFacts(lambda: self.udp.addresses, self._viewer_settings, self._active_recording),
+            ViewerFacts(
+                lambda: self.udp.addresses,
+                self._viewer_settings,
+                self._active_recording,
+                lambda: self.status.chips(),
+            ),
         )
 
     def _make_status(self) -> StatusReport:
@@ -251,6 +267,7 @@ class Extension:
             "mirror": sonar.mirror,
             "kogger_app_may_change_settings": sonar.kogger_app_may_change_settings,
             "simulated": self.simulated,
+            "source": self.link.source.kind,
         }
 
     def _active_recording(self) -> str | None:

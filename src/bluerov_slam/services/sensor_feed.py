@@ -25,6 +25,7 @@ from bluerov_slam.sinks.websocket import Broadcaster
 FRESH_S: Final = 5.0
 DVL_FRESH_S: Final = 2.0
 _FIX_NAMES: Final = {FixType.NONE: "none", FixType.FIX_2D: "2d", FixType.FIX_3D: "3d"}
+_FLAGS: Final = ("alive", "ok")
 _NOTHING_YET: Final = SensorSample(
     measured_s=0.0, arrived_s=0.0, device_ms=0, sender=Sender.LEGACY, roll_rad=None, pitch_rad=None, yaw_rad=None,
     acceleration_frd_mps2=None, imu_packets=0, imu_errors=0, imu_alive=False, gps_latitude_deg=None,
@@ -65,12 +66,12 @@ class SensorFeed:
     def latest(self) -> dict[str, Any]:
         """The newest frame in the seed's JSON; nothing is alive in an old one, and before the first all is null."""
         if self.sample is None:
-            return {**sensor_json(_NOTHING_YET, False, False), "ts": None}
+            return {key: _unknown(part) for key, part in sensor_json(_NOTHING_YET, False, False).items()}
         latest = self._seed_json(self.sample)
         if self._now_s() - self.sample.arrived_s > FRESH_S:  # the link is down: what was, not what is
             for part in latest.values():
                 if isinstance(part, dict):
-                    part.update({flag: False for flag in ("alive", "ok") if flag in part})
+                    part.update({flag: False for flag in _FLAGS if flag in part})
         return latest
 
     def ctd_json(self) -> dict[str, Any]:
@@ -157,6 +158,11 @@ class SensorFeed:
         if self._gps_is_fresh(sample) and self._gps is not None:
             return _FIX_NAMES[self._gps.fix]
         return "none" if sample.gps_alive and sample.gps_latitude_deg is None else None
+
+
+def _unknown(part: dict[str, Any] | int) -> dict[str, Any] | None:
+    """The same keys with nothing known: counts too, because 0 packets would be a measurement."""
+    return {key: False if key in _FLAGS else None for key in part} if isinstance(part, dict) else None
 
 
 def _rounded(value: float | None, factor: float, digits: int) -> float | None:

@@ -94,8 +94,12 @@ class SettingsStore:
     def change(self, values: Mapping[str, object]) -> frozenset[str]:
         """Set these dotted keys; null takes a key back to what it would be without the page. The keys that changed.
 
+        A secret that comes back as it was shown stays what it is.
+
         Raises ConfigError and changes nothing when one of them is unknown, out of range or fixed at start.
         """
+        secret = _secret_keys()
+        values = {key: value for key, value in values.items() if not (key in secret and value == HIDDEN)}
         fixed = [f"{key} is set by {origin}; change it there" for key in values if (origin := self._fixed_by(key))]
         if fixed:
             raise ConfigError("\n".join(fixed))
@@ -104,16 +108,18 @@ class SettingsStore:
 
     def backup(self) -> dict[str, Any]:
         """What the page changed, as a file to keep; without secrets."""
-        secret = {info.key for info in setting_infos() if info.secret}
+        secret = _secret_keys()
         return {"version": VERSION, "settings": {k: v for k, v in self._saved.items() if k not in secret}}
 
     def restore(self, data: Mapping[str, Any]) -> frozenset[str]:
         """Take a backup, of any version, in place of what the page changed. The keys that changed.
 
-        Keys that are fixed at start are left out. Raises ConfigError and changes nothing when it does not fit.
+        Keys that are fixed at start are left out; secrets, which no backup holds, stay. Raises ConfigError and changes
+        nothing when it does not fit.
         """
-        values = _migrated(data)
-        return self._replace({key: value for key, value in values.items() if key not in _ONLY_AT_START})
+        values = {key: value for key, value in _migrated(data).items() if key not in _ONLY_AT_START}
+        secrets = {key: value for key, value in self._saved.items() if key in _secret_keys()}
+        return self._replace({**secrets, **values})
 
     def _replace(self, saved: dict[str, object]) -> frozenset[str]:
         settings = self._combined(saved)
@@ -195,6 +201,10 @@ def _from_unversioned(data: dict[str, Any]) -> dict[str, Any]:
 
 
 _MIGRATIONS: Final[dict[int, Callable[[dict[str, Any]], dict[str, Any]]]] = {0: _from_unversioned}
+
+
+def _secret_keys() -> frozenset[str]:
+    return frozenset(info.key for info in setting_infos() if info.secret)
 
 
 def _shown(value: object, secret: bool) -> object:

@@ -88,6 +88,10 @@ class StatusReport:
         """Chips and faults as last assessed."""
         return self._health
 
+    def chips(self) -> list[dict[str, Any]]:
+        """The chips as last assessed, as the topic has them."""
+        return _chips_json(self._health)
+
     def tick(self) -> None:
         """Once a second: assess and publish."""
         now_s = self._link.source.now_s()
@@ -119,7 +123,7 @@ class StatusReport:
         health = self._health if self._health.chips else self._assessed(now_s, counters)
         mavlink = self._sources.mavlink()
         return {
-            "chips": [_chip(chip) for chip in health.chips],
+            "chips": _chips_json(health),
             "faults": [asdict(fault) for fault in health.faults],
             "link": self._link_json(counters),
             "sonars": {channel.value: self._sonar_json(channel, counters, now_s) for channel in Channel},
@@ -249,10 +253,8 @@ def is_connected(facts: LinkFacts) -> bool:
     return facts.state == "connected"
 
 
-def _chip(chip: Any) -> dict[str, Any]:
-    values = asdict(chip)
-    values["age_s"] = None if chip.age_s is None else round(chip.age_s, 1)
-    return values
+def _chips_json(health: Health) -> list[dict[str, Any]]:
+    return [{**asdict(chip), "age_s": None if chip.age_s is None else round(chip.age_s, 1)} for chip in health.chips]
 
 
 def _is_recent(arrived_s: float | None, now_s: float) -> bool:

@@ -16,10 +16,12 @@ _log = logging.getLogger(__name__)
 
 BACKOFF_FIRST_S: Final = 0.5
 BACKOFF_LAST_S: Final = 10.0
-# A child that ran so long had started properly: its end is a crash, not a wrong setting.
+# A crash after so long is not one of the start: the pauses begin anew.
 SETTLED_AFTER_S: Final = 5.0
 # A container gets ten seconds; recordings are closed within two.
 STOP_TIMEOUT_S: Final = 4.0
+# What a child ends with that could not start for a reason it named. How long it took to find out says nothing: a busy
+# Raspberry Pi needs longer than that to import a service.
 EXPECTED_FAILURE: Final = 1
 _PR_SET_PDEATHSIG: Final = 1
 
@@ -94,9 +96,10 @@ class Supervisor:
         while True:
             started_s = asyncio.get_running_loop().time()
             code = await _run_once(child)
-            settled = asyncio.get_running_loop().time() - started_s >= SETTLED_AFTER_S
+            could_not_start = code == EXPECTED_FAILURE
+            settled = not could_not_start and asyncio.get_running_loop().time() - started_s >= SETTLED_AFTER_S
             ever_settled = ever_settled or settled
-            if code == EXPECTED_FAILURE and not ever_settled:
+            if could_not_start and not ever_settled:
                 _log.error("%s could not start; stopping", child.name)
                 self._failed.set()
                 return

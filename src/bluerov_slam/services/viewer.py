@@ -54,7 +54,8 @@ class ViewerService:
         host, viewer = self._settings.http.host, self._settings.viewer
         try:
             for channel, port in zip(Channel, (viewer.udp_port_a, viewer.udp_port_b), strict=True):
-                self.udp[channel] = await open_udp_source(host, port, self.channels[channel].take_datagram)
+                take, setting = self.channels[channel].take_datagram, f"viewer.udp_port_{channel.value.lower()}"
+                self.udp[channel] = await open_udp_source(host, port, take, setting)
             await self.http.start(host, viewer.port, "viewer.port")
             await self.waterfall_http.start(host, viewer.waterfall_ws_port, "viewer.waterfall_ws_port")
         except BaseException:

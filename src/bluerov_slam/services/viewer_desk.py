@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bluerov_slam import __version__
@@ -21,6 +21,8 @@ from bluerov_slam.services.viewer_outlets import ViewerOutlets
 FLUSH_INTERVAL_S = 0.2
 STATUS_INTERVAL_S = 1.0
 CONTACT_RETRY_S = 30.0
+# The extension tells twice a second where the vehicle is, as long as it knows.
+VEHICLE_FRESH_S = 3.0
 
 
 class ViewerDesk:
@@ -35,7 +37,10 @@ class ViewerDesk:
         forwarder: CommandForwarder,
         contacts: ContactBook,
         outlets: ViewerOutlets,
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._now_s = now_s
+        self._vehicle_s: float | None = None
         self._settings = settings
         self._link = link
         self._facts = facts
@@ -58,13 +63,16 @@ class ViewerDesk:
             "channels": {channel.value: state.status() for channel, state in self._channels.items()},
             "extension_link": self._link.connected,
             "link_message": self._link.message,
+            "chips": self._facts.chips if self._link.connected else [],
             "peers": [peer for state in self._channels.values() for peer in state.gateway.peers()],
             "history": self._outlets.history_status(),
             "recording": self._facts.recording,
             "contacts": {"unsent": self._contacts.unsent, "message": self._contacts.message},
             "simulated": self._outlets.simulated,
+            "source": self._facts.settings.get("source"),
             "mirror": bool(self._facts.settings.get("mirror", self._settings.sonar.mirror)),
             "clients": self._outlets.clients,
+            "dashboard_port": self._settings.http.port,
             # Ping numbers begin anew with each start.
             "started_unix_s": self._started_unix_s,
             "versions": {"viewer": __version__},
@@ -85,7 +93,16 @@ class ViewerDesk:
         """Once a second; until cancelled."""
         while True:
             await asyncio.sleep(STATUS_INTERVAL_S)
+            self.forget_old_vehicle()
             self._outlets.tell("status", self.status)
+
+    def forget_old_vehicle(self) -> None:
+        """What the extension said a while ago says nothing about now: neither depth nor sound speed."""
+        if self._vehicle_s is None or self._now_s() - self._vehicle_s <= VEHICLE_FRESH_S:
+            return
+        self._vehicle_s = None
+        self._facts.vehicle = dict.fromkeys(self._facts.vehicle)
+        self._take_vehicle()
 
     async def publish_sonar(self) -> None:
         """Whenever asked or read-back settings change; until cancelled."""
@@ -120,8 +137,8 @@ class ViewerDesk:
     def _on_message(self, kind: str, message: dict[str, Any]) -> None:
         self._facts.take(kind, message)
         if kind == "vehicle":
-            self._take_sound_speed()
-            self._outlets.tell("vehicle", lambda: self._facts.vehicle)
+            self._vehicle_s = self._now_s()
+            self._take_vehicle()
         elif kind == "recording":
             self._contacts_wanted.set()
         elif kind == "fed":
@@ -135,6 +152,10 @@ class ViewerDesk:
         for state in self._channels.values():
             gateway = state.gateway
             gateway.settings_allowed = bool(settings.get("kogger_app_may_change_settings", gateway.settings_allowed))
+
+    def _take_vehicle(self) -> None:
+        self._take_sound_speed()
+        self._outlets.tell("vehicle", lambda: self._facts.vehicle)
 
     def _take_sound_speed(self) -> None:
         vehicle = self._facts.vehicle

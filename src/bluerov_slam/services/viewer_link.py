@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
 import ipaddress
 import logging
 import math
@@ -20,6 +19,7 @@ from aiohttp import WSMsgType, web
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, KoggerId
 from bluerov_slam.records import Channel, CtdSample, SensorSample, SonarFrames
+from bluerov_slam.services.change_guard import is_bearer
 from bluerov_slam.services.esp_link import CommandOutcome, CommandResult
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.sinks.bounded_queue import BoundedQueue, QueueClosedError
@@ -51,6 +51,7 @@ class ViewerFacts:
     fed: Callable[[], Sequence[str]]
     settings: Callable[[], dict[str, Any]]
     recording: Callable[[], str | None]
+    chips: Callable[[], list[dict[str, Any]]]
 
 
 class ViewerLink:
@@ -96,8 +97,7 @@ class ViewerLink:
         """The aiohttp handler of /internal/viewer-link."""
         if not _is_loopback(request.remote):
             raise web.HTTPForbidden(text="this link is for the viewer on the same machine")
-        given = request.headers.get("Authorization", "").removeprefix("Bearer ")
-        if not hmac.compare_digest(given.encode(), self._token.encode()):
+        if not is_bearer(request.headers.get("Authorization"), self._token):
             raise web.HTTPUnauthorized(text=f"wrong token; the present one is in {self._token_file}")
         socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MESSAGE_BYTES, timeout=1.0)
         await socket.prepare(request)
@@ -129,16 +129,18 @@ class ViewerLink:
         self._send_all("settings", **self._facts.settings())
 
     def tick(self) -> None:
-        """Once a second: has the recording changed?"""
+        """Once a second: has the recording changed, and how is each part?"""
         name = self._facts.recording()
         if name != self._recording:
             self._recording = name
             self._send_all("recording", name=name)
+        self._send_all("health", chips=self._facts.chips())
 
     def _greet(self, queue: BoundedQueue[bytes]) -> None:
         queue.put(_message("settings", **self._facts.settings()))
         queue.put(_message("fed", addresses=list(self._facts.fed())))
         queue.put(_message("recording", name=self._facts.recording()))
+        queue.put(_message("health", chips=self._facts.chips()))
 
     async def _listen(
         self, socket: web.WebSocketResponse, queue: BoundedQueue[bytes], tasks: asyncio.TaskGroup

@@ -193,6 +193,7 @@ class LinkFacts:
     fed: frozenset[str] = frozenset()
     settings: dict[str, Any] = field(default_factory=dict)
     recording: str | None = None
+    chips: list[dict[str, Any]] = field(default_factory=list)
 
     def take(self, kind: str, message: dict[str, Any]) -> None:
         """Remember a message of the extension; unknown kinds are for a later version."""
@@ -206,3 +207,5 @@ class LinkFacts:
         elif kind == "recording":
             name = body.get("name")
             self.recording = str(name) if name else None
+        elif kind == "health":
+            self.chips = [chip for chip in body.get("chips", ()) if isinstance(chip, dict)]

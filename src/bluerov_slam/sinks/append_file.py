@@ -17,6 +17,11 @@ class AppendFile:
         self._pending = 0
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
 
+    @property
+    def is_deleted(self) -> bool:
+        """Whether somebody deleted the file meanwhile: what is written into it vanishes with us."""
+        return self._descriptor >= 0 and os.fstat(self._descriptor).st_nlink == 0
+
     def write(self, data: bytes) -> int:
         """Take bytes for the next flush."""
         self._parts.append(bytes(data))

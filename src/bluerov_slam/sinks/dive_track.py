@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.records import CtdSample, GpsFix, Record, SensorSample
+from bluerov_slam.records import CtdSample, FixType, GpsFix, Record, SensorSample
 
 POSITION_AGE_S = 3.0
 ATTITUDE_AGE_S = 3.0
@@ -120,7 +120,7 @@ class DiveTrack:
             self._surface.append((sample.measured_s, *position, float(sample.gps_satellites)))
 
     def _add_fix(self, fix: GpsFix) -> None:
-        if fix.utc_unix_s is not None:
+        if fix.utc_unix_s is not None and fix.fix is not FixType.NONE:
             self._gps_offsets_s.append(fix.utc_unix_s - fix.measured_s)
         if fix.latitude_deg is None or fix.longitude_deg is None:
             return

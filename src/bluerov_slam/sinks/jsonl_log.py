@@ -66,6 +66,11 @@ class JsonlLog:
         """Bytes handed to the kernel."""
         return self._file.size
 
+    @property
+    def is_deleted(self) -> bool:
+        """Whether somebody deleted the file meanwhile."""
+        return self._file.is_deleted
+
     def write(self, lines: list[bytes]) -> None:
         """Take whole lines for the next flush."""
         self._lines += lines

@@ -3,7 +3,8 @@
 KoggerApp opens an empty column for each position beyond one per column, and one column holds a ping of both sonars: so
 NAV v2 and ATTITUDE stand before each ping of one sonar only, the leading one. It draws the channel that comes first as
 port, so the file begins with B where B starts within the first seconds. Unknown position: no NAV; unknown attitude: no
-ATTITUDE, and zero angles in NAV (its fields have no way to say unknown).
+ATTITUDE, and zero angles in NAV (its fields have no way to say unknown). A chart frame that would crash KoggerApp is
+left out, as it is on the live way to it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import BinaryIO
 
 from bluerov_slam.protocol.kogger import Attitude, NavigationTime
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, KoggerId, reroute
+from bluerov_slam.protocol.ping_assembly import is_safe_for_kogger_app
 from bluerov_slam.records import Channel, Record, SonarFrames
 from bluerov_slam.sinks.dive_track import DiveState, DiveTrack
 
@@ -32,6 +34,8 @@ class KlfCounts:
     frames_b: int = 0
     positions: int = 0
     attitudes: int = 0
+    refused: int = 0
+    """Chart frames on which KoggerApp crashes."""
 
 
 class KlfWriter:
@@ -66,7 +70,9 @@ class KlfWriter:
             self._write(record)
 
     def _write(self, record: SonarFrames) -> None:
-        for frame in record.frames:
+        frames = [frame for frame in record.frames if is_safe_for_kogger_app(frame)]
+        self.counts.refused += len(record.frames) - len(frames)
+        for frame in frames:
             if _begins_ping(frame):
                 self._leading = self._leading or record.channel
                 if record.channel is self._leading:
@@ -74,9 +80,9 @@ class KlfWriter:
             whole = reroute(frame, ROUTES[record.channel]) if frame.startswith(KOGGER_SYNC) else frame
             self._stream.write(whole)
         if record.channel is Channel.A:
-            self.counts.frames_a += len(record.frames)
+            self.counts.frames_a += len(frames)
         else:
-            self.counts.frames_b += len(record.frames)
+            self.counts.frames_b += len(frames)
 
     def _write_pose(self, state: DiveState, route: int) -> None:
         roll, pitch, yaw = state.roll_rad, state.pitch_rad, state.yaw_rad

@@ -95,6 +95,7 @@ class MavlinkBridge:
         self._rates: tuple[float, tuple[float, float, float]] | None = None
         self._gps_frame_s = -math.inf
         self._named_s = -math.inf
+        self._device_ms: int | None = None
         self._faults: dict[str, Fault] = {}
         self._status_text_id = 0
 
@@ -185,6 +186,7 @@ class MavlinkBridge:
 
     def _on_sensors(self, sample: SensorSample) -> None:
         options = self._options
+        self._device_ms = sample.device_ms
         if options.send_attitude and (fields := mavlink_map.attitude_fields(sample, self._fresh_rates())):
             self._send_unless_autopilot_does("ATTITUDE", fields)
         if options.send_scaled_pressure and (fields := mavlink_map.scaled_pressure_fields(sample)):
@@ -196,8 +198,11 @@ class MavlinkBridge:
         now_s = self._now_s()
         if not self._options.send_named_values or now_s - self._named_s < NAMED_VALUES_PERIOD_S:
             return
+        if self._device_ms is None:
+            return
         self._named_s = now_s
-        boot_ms = int(ctd.measured_s * 1000.0) % mavlink_map.UINT32_RANGE
+        # Of the SENSORS frame it was computed from: all that we send counts from the start of the board.
+        boot_ms = self._device_ms % mavlink_map.UINT32_RANGE
         for name, value in mavlink_map.named_values(ctd):
             self._send("NAMED_VALUE_FLOAT", {"time_boot_ms": boot_ms, "name": name.encode(), "value": value})
 

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import logging
 import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -25,6 +26,8 @@ OnMessage = Callable[[int, int, str, Mapping[str, Any]], None]
 WANTED = ("HEARTBEAT", "ATTITUDE", "GPS_RAW_INT", "SERVO_OUTPUT_RAW", "BATTERY_STATUS", "VISION_POSITION_DELTA")
 WANTED_IDS = frozenset(getattr(mavlink, f"MAVLINK_MSG_ID_{name}") for name in WANTED)
 RETRY_S = 2.0
+# A failure that is not repeated for so long is over: nothing tells that a datagram arrived.
+ERROR_SHOWN_S = 5.0
 SEND_QUEUE_MESSAGES = 100
 
 
@@ -32,9 +35,10 @@ class Transport(Protocol):
     """What the bridge needs of a way out."""
 
     peer: str
-    error: str | None
     bad_frames: int
 
+    @property
+    def error(self) -> str | None: ...
     async def start(self) -> None: ...
     async def stop(self) -> None: ...
     def send(self, name: str, fields: Mapping[str, Any]) -> bool: ...
@@ -45,13 +49,20 @@ class UdpTransport(asyncio.DatagramProtocol):
 
     def __init__(self, host: str, port: int, system_id: int, component_id: int, on_message: OnMessage) -> None:
         self.peer = f"{host}:{port}"
-        self.error: str | None = None
         self.bad_frames = 0
+        self._error: tuple[float, str] | None = None
         self._address = (host, port)
         self._on_message = on_message
         self._mav = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
         self._transport: asyncio.DatagramTransport | None = None
         self._opening: asyncio.Task[None] | None = None
+
+    @property
+    def error(self) -> str | None:
+        """Why sending failed lately."""
+        if self._error is None or time.monotonic() - self._error[0] > ERROR_SHOWN_S:
+            return None
+        return self._error[1]
 
     async def start(self) -> None:
         self._opening = asyncio.create_task(self._open(), name="mavlink-udp")
@@ -74,7 +85,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         return True
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self.error = None
+        self._error = None
         for frame in wanted_frames(data):
             try:
                 message = self._mav.decode(bytearray(frame))
@@ -84,7 +95,12 @@ class UdpTransport(asyncio.DatagramProtocol):
             self._on_message(message.get_srcSystem(), message.get_srcComponent(), message.get_type(), message.to_dict())
 
     def error_received(self, exc: Exception) -> None:
-        self.error = f"{self.peer}: {exc}"
+        # A refusal means that nobody listens there yet: "nobody answers" says so, and how to cure it.
+        if not isinstance(exc, ConnectionRefusedError):
+            self._fail(exc)
+
+    def _fail(self, error: Exception) -> None:
+        self._error = (time.monotonic(), (error.strerror if isinstance(error, OSError) else None) or str(error))
 
     async def _open(self) -> None:
         """Open the socket; a name that does not resolve or a missing network is tried again."""
@@ -93,7 +109,7 @@ class UdpTransport(asyncio.DatagramProtocol):
             try:
                 self._transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=self._address)
             except OSError as error:
-                self.error = f"{self.peer}: {error.strerror or error}"
+                self._fail(error)
                 await asyncio.sleep(RETRY_S)
             else:
                 return
@@ -141,7 +157,7 @@ class Mavlink2RestTransport:
                         self.error, self._connected = None, True
                         await self._exchange(socket)
                 except (aiohttp.ClientError, OSError, TimeoutError) as error:
-                    self.error = f"{self.peer}: {error}"
+                    self.error = str(error) or type(error).__name__
                 finally:
                     self._connected = False
                 await asyncio.sleep(RETRY_S)

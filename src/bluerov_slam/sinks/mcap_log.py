@@ -78,6 +78,11 @@ class McapLog:
         """Bytes handed to the kernel."""
         return self._file.size
 
+    @property
+    def is_deleted(self) -> bool:
+        """Whether somebody deleted the file meanwhile."""
+        return self._file.is_deleted
+
     def write_raw(self, data: bytes, mono_ns: int) -> None:
         """Link bytes as one read returned them."""
         self._add(self._channels[RAW_TOPIC], data, mono_ns)

@@ -283,6 +283,8 @@ class Recorder:
             return
         self._check_disk(now_ns)
         self._take_folder()
+        if self._session is not None and self._session.is_gone:
+            self._leave_session(self._session)
         if self._session is None and self._frame_seen:
             self._open_session(now_ns)
         session = self._session
@@ -330,6 +332,16 @@ class Recorder:
         self._wall_offset_ns = wall_ns - now_ns
         self._rate.clear()
         self._tell(records.EventLevel.INFO, f"recording into {self._session.folder}")
+
+    def _leave_session(self, session: SessionWriter) -> None:
+        """Somebody deleted or moved it, as a file browser lets one: what follows belongs into a new one."""
+        waiting = session.take_waiting()
+        self._queue.extendleft(reversed(waiting))
+        self._bytes_out -= sum(map(_cost, waiting))
+        session.release()
+        self._session = None
+        text = f"recording {session.name} was deleted or moved while it was being written; a new one is begun"
+        self._tell(records.EventLevel.ERROR, text)
 
     def _drain(self, session: SessionWriter) -> None:
         for _ in range(len(self._queue)):

@@ -73,6 +73,17 @@ class SessionWriter:
         open_bytes = (self._mcap.size if self._mcap else 0) + (self._jsonl.size if self._jsonl else 0)
         return self._closed_bytes + open_bytes
 
+    @property
+    def is_gone(self) -> bool:
+        """Whether somebody deleted or moved the session, or one of the files being written."""
+        files = (self._mcap, self._jsonl)
+        return not self.folder.is_dir() or any(file is not None and file.is_deleted for file in files)
+
+    def take_waiting(self) -> list[records.Record]:
+        """What the disk has not got yet, for another session to write."""
+        waiting, self._unflushed = self._unflushed, []
+        return waiting
+
     def write(self, record: records.Record) -> None:
         """Take one record for the next flush."""
         self._unflushed.append(record)
@@ -230,7 +241,8 @@ class SessionWriter:
                 self._cut.remove(path)
 
     def _note_gps(self, fix: records.GpsFix) -> None:
-        if fix.utc_unix_s is None:
+        # Before its first fix a receiver tells the time of its own clock, which may be off by anything.
+        if fix.utc_unix_s is None or fix.fix is records.FixType.NONE:
             return
         self._gps_offsets_s.append(fix.utc_unix_s - (fix.measured_s + self.wall_offset_ns * 1e-9))
         if len(self._gps_offsets_s) == 1:

@@ -16,19 +16,17 @@ from typing import Final
 
 from bluerov_slam.protocol.checksums import kogger_mod255
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, FrameType, KoggerId, reroute
+from bluerov_slam.protocol.ping_assembly import is_safe_for_kogger_app
 from bluerov_slam.protocol.ping_stamp import PingStamp, pack_ping_stamp
 from bluerov_slam.records import Channel, SonarFrames
 
 _log = logging.getLogger(__name__)
 
 DATAGRAM_BYTES: Final = 1400
-# A chart chunk that ends at or beyond this makes KoggerApp write outside its buffer and crash.
-CHART_LIMIT_SAMPLES: Final = 20_000
 # The rest of a ping that has not come by then will not come.
 FLUSH_AFTER_S: Final = 0.05
 RETRY_AFTER_S: Final = 5.0
 RESOLVE_TIMEOUT_S: Final = 5.0
-_CHART_HEADER_BYTES: Final = 6
 _PASSING_ERRORS: Final = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS, errno.ECONNREFUSED})
 
 
@@ -166,7 +164,7 @@ class UdpKogger:
         pending = self._pending[channel]
         size = sum(map(len, pending))
         for frame in record.frames:
-            if not self._is_safe(frame):
+            if not is_safe_for_kogger_app(frame):
                 self.refused_chunks += 1
                 continue
             if size and (size + len(frame) > DATAGRAM_BYTES or _begins_ping(frame)):
@@ -222,15 +220,6 @@ class UdpKogger:
         if self._pending[channel] and channel not in self._timers:
             loop = asyncio.get_running_loop()
             self._timers[channel] = loop.call_later(FLUSH_AFTER_S, self.flush, channel)
-
-    def _is_safe(self, frame: bytes) -> bool:
-        if frame[0] != KOGGER_SYNC[0] or frame[4] != KoggerId.CHART or frame[3] & 3 != FrameType.CONTENT:
-            return True
-        version = frame[3] >> 3 & 7
-        if version > 1:  # raw data, which KoggerApp keeps elsewhere
-            return True
-        samples = frame[5] - _CHART_HEADER_BYTES
-        return samples >= 0 and frame[6] + (frame[7] << 8) + samples < CHART_LIMIT_SAMPLES
 
     async def _resolve_all(self) -> None:
         waiting = list(zip(self._outlets[Channel.A], self._outlets[Channel.B], strict=True))

@@ -1,4 +1,6 @@
-"""Reads the raw link bytes of a dive back: a session folder, its exported zip, one MCAP file, or a plain capture.
+"""Reads what a dive received back: a session folder, its exported zip, one MCAP file, or a plain capture.
+
+That is the raw link bytes, and what the vehicle's own messages said; everything else is decoded afresh from the bytes.
 
 A file that was cut short reads up to its last whole chunk; what could not be read is named in `problems`.
 """
@@ -22,15 +24,28 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from bluerov_slam.errors import RecordingError
-from bluerov_slam.records import LinkBytes
+from bluerov_slam.protocol.esp32_messages import KNOWN_TYPES, Esp32FrameDecoder
+from bluerov_slam.records import (
+    LinkBytes,
+    VehicleAttitude,
+    VehicleBattery,
+    VehicleMotionDelta,
+    VehicleRecord,
+    VehicleServoOutput,
+)
 
 RAW_TOPIC = "/link/raw"
+VEHICLE_TOPICS: dict[str, type[VehicleRecord]] = {
+    "/vehicle/attitude": VehicleAttitude,
+    "/vehicle/servo_output": VehicleServoOutput,
+    "/vehicle/battery": VehicleBattery,
+    "/vehicle/motion_delta": VehicleMotionDelta,
+}
 SESSION_METADATA = "bluerov_slam_session"
 
 # A plain capture has no arrival times: its bytes are given the pace of the link, in blocks of this length.
 CAPTURE_BLOCK_S = 0.01
 BITS_PER_BYTE = 10
-_SYNC = b"\xaa\x55"
 _CAPTURE_PROBE_BYTES = 1024 * 1024
 
 _PREFIX = struct.Struct("<BQ")
@@ -84,13 +99,25 @@ class Recording:
 
     def blocks(self, baud: int = 115200) -> Iterator[LinkBytes]:
         """The link as it was read, block by block. `baud` paces a plain capture."""
+        return (received for received in self._received(baud, (RAW_TOPIC,)) if isinstance(received, LinkBytes))
+
+    def received(self, baud: int = 115200) -> Iterator[LinkBytes | VehicleRecord]:
+        """The blocks and, between them, the records made of the vehicle's own messages."""
+        return self._received(baud, (RAW_TOPIC, *VEHICLE_TOPICS))
+
+    def _received(self, baud: int, topics: Collection[str]) -> Iterator[LinkBytes | VehicleRecord]:
         if self.is_capture:
             for part in self.parts:
                 with part.open() as stream:
                     yield from _capture_blocks(stream, baud)
             return
-        for message in self.messages((RAW_TOPIC,)):
-            yield LinkBytes(message.data, message.publish_ns / 1e9)
+        for message in self.messages(topics):
+            if message.topic == RAW_TOPIC:
+                yield LinkBytes(message.data, message.publish_ns / 1e9)
+            elif (record := _vehicle_record(message)) is not None:
+                yield record
+            elif (problem := f"messages of {message.topic} do not read; they were passed over") not in self.problems:
+                self.problems.append(problem)
 
 
 def open_recording(path: Path) -> Recording:
@@ -173,10 +200,22 @@ def _is_mcap(part: Part) -> bool:
 
 def _check_capture(path: Path, part: Part) -> None:
     with part.open() as stream:
-        if _SYNC not in stream.read(_CAPTURE_PROBE_BYTES):
-            raise RecordingError(
-                f"{path} is no recording: neither MCAP nor a capture of the ESP32's serial link (no AA 55 in it)"
-            )
+        frames = Esp32FrameDecoder().feed(stream.read(_CAPTURE_PROBE_BYTES))
+    # An unknown type may have any length, so that noise passes for one now and then.
+    if not any(frame_type in KNOWN_TYPES for frame_type, _ in frames):
+        raise RecordingError(
+            f"{path} is no recording: neither MCAP nor a capture of the ESP32's serial link (no frame of it inside)"
+        )
+
+
+def _vehicle_record(message: McapMessage) -> VehicleRecord | None:
+    """The record that was written as JSON; None if it was not written by this program."""
+    try:
+        fields = orjson.loads(message.data).items()
+        values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields}
+        return VEHICLE_TOPICS[message.topic](**values)
+    except (AttributeError, TypeError, ValueError):
+        return None
 
 
 def _read_metadata(recording: Recording) -> None:

@@ -12,12 +12,12 @@ from typing import Any
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.pipeline.health import LinkFacts, PortState
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
-from bluerov_slam.records import Channel, LinkBytes, Record
+from bluerov_slam.records import Channel, LinkBytes, Record, VehicleRecord
 from bluerov_slam.sources.recording_reader import Recording
 
 _log = logging.getLogger(__name__)
 
-# Blocks read from disk at a time, in a worker thread.
+# Blocks and records read from disk at a time, in a worker thread.
 _BATCH = 256
 # Shorter waits than this are not worth a timer.
 _SHORTEST_WAIT_S = 0.002
@@ -36,15 +36,21 @@ def decoder_for(recording: Recording) -> LinkDecoder:
 
 
 def decode(recording: Recording, baud: int = 115200) -> Iterator[Record]:
-    """Every record of a dive, decoded afresh from its raw bytes."""
+    """Every record of a dive: decoded afresh from its raw bytes, and those of the vehicle's own messages."""
     decoder = decoder_for(recording)
-    for block in recording.blocks(baud):
-        yield from decoder.feed(block.data, block.arrived_s)
+    for received in recording.received(baud):
+        if isinstance(received, LinkBytes):
+            yield from decoder.feed(received.data, received.arrived_s)
+        else:
+            yield received
     yield from decoder.finish()
 
 
 class ReplaySource:
-    """Stands where the serial port stands. `speed` times real time, None = as fast as it can be taken."""
+    """Stands where the serial port stands. `speed` times real time, None = as fast as it can be taken.
+
+    `on_vehicle` gets what the vehicle's own messages said, for which the bridge stood live.
+    """
 
     kind = "replay"
 
@@ -64,6 +70,7 @@ class ReplaySource:
         self._position_s = first.arrived_s
         self._origin: tuple[float, float] | None = None
         self.finished = asyncio.Event()
+        self.on_vehicle: Callable[[VehicleRecord], None] = lambda _record: None
 
     def now_s(self) -> float:
         """The recording's own clock: where the replay stands, going on in real time once it has ended."""
@@ -98,13 +105,13 @@ class ReplaySource:
         )
 
     async def _run(self, on_data: Callable[[bytes, float], Any], on_change: Callable[[], None]) -> None:
-        blocks = self.recording.blocks(self.baud)
+        received = self.recording.received(self.baud)
         try:
-            batch = await asyncio.to_thread(_take, blocks)
+            batch = await asyncio.to_thread(_take, received)
             self._origin = (time.monotonic(), self._position_s)
             self._change(PortState.CONNECTED, f"replay of {self.recording.path}", on_change)
             while batch:
-                following = asyncio.create_task(asyncio.to_thread(_take, blocks))
+                following = asyncio.create_task(asyncio.to_thread(_take, received))
                 try:
                     await self._deliver(batch, on_data)
                 finally:
@@ -117,13 +124,16 @@ class ReplaySource:
         self._change(PortState.FINISHED, detail, on_change)
         self.finished.set()
 
-    async def _deliver(self, batch: list[LinkBytes], on_data: Callable[[bytes, float], Any]) -> None:
-        for number, block in enumerate(batch):
-            await self._wait_for(block.arrived_s)
+    async def _deliver(self, batch: list[LinkBytes | VehicleRecord], on_data: Callable[[bytes, float], Any]) -> None:
+        for number, received in enumerate(batch):
+            await self._wait_for(received.arrived_s)
             if number % _TURN == 0:
                 await asyncio.sleep(0)
-            self._position_s = max(self._position_s, block.arrived_s)
-            on_data(block.data, block.arrived_s)
+            self._position_s = max(self._position_s, received.arrived_s)
+            if isinstance(received, LinkBytes):
+                on_data(received.data, received.arrived_s)
+            else:
+                self.on_vehicle(received)
 
     async def _wait_for(self, arrived_s: float) -> None:
         if self.speed is None:
@@ -140,5 +150,5 @@ class ReplaySource:
 _DECODER_SETTINGS = frozenset({"kogger_checksum", "surface_pressure_pa", "expected_samples"})
 
 
-def _take(blocks: Iterator[LinkBytes]) -> list[LinkBytes]:
-    return list(itertools.islice(blocks, _BATCH))
+def _take(received: Iterator[LinkBytes | VehicleRecord]) -> list[LinkBytes | VehicleRecord]:
+    return list(itertools.islice(received, _BATCH))

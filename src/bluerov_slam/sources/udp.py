@@ -73,8 +73,10 @@ class UdpSource(asyncio.DatagramProtocol):
         self.counters.send_errors += 1
 
 
-async def open_udp_source(host: str, port: int, on_datagram: Callable[[bytes, Address], None]) -> UdpSource:
-    """Bind a UDP port. Raises LinkError naming the port when another program holds it."""
+async def open_udp_source(
+    host: str, port: int, on_datagram: Callable[[bytes, Address], None], setting: str = ""
+) -> UdpSource:
+    """Bind a UDP port. Raises LinkError naming port and setting when another program holds it."""
     loop = asyncio.get_running_loop()
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -83,10 +85,11 @@ async def open_udp_source(host: str, port: int, on_datagram: Callable[[bytes, Ad
         bound.bind((host, port))
     except OSError as error:
         bound.close()
+        name = f"{port} ({setting})" if setting else str(port)
         if error.errno == errno.EADDRINUSE:
             raise LinkError(
-                f"UDP port {port} is in use: another viewer or KoggerApp runs here; stop it or change the port"
+                f"UDP port {name} is in use: another viewer or KoggerApp runs here; stop it, or choose another port"
             ) from error
-        raise LinkError(f"UDP port {port} on {host} cannot be opened: {error.strerror}") from error
+        raise LinkError(f"UDP port {name} on {host} cannot be opened: {error.strerror}") from error
     _, source = await loop.create_datagram_endpoint(lambda: UdpSource(bound, on_datagram), sock=bound)
     return source
