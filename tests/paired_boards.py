@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class PairedBoards:
     def __init__(self, reference: Board, native: Board) -> None:
         self.frames: Counter[MessageType] = Counter()
         self.outputs: Counter[Sink] = Counter()
+        self.highest: Counter[str] = Counter()
+        """Of every field of STATUS and SENSORS."""
         self.boots = 0
         self._boards = (reference, native)
         self._compared = 0
@@ -69,12 +71,19 @@ class PairedBoards:
         for output in outputs:
             self.outputs[Sink(output.sink)] += 1
             if output.sink == Sink.LINK:
-                self.frames[MessageType(output.data[2])] += 1
+                self._note(MessageType(output.data[2]), output.data[5:-1])
         return reached_us, outputs
 
     def close(self) -> None:
         for board in self._boards:
             board.close()
+
+    def _note(self, frame_type: MessageType, payload: bytes) -> None:
+        self.frames[frame_type] += 1
+        if frame_type in (MessageType.STATUS, MessageType.SENSORS):
+            fields = _UNPACK[frame_type](payload)
+            assert fields is not None
+            self.highest |= Counter(asdict(fields))
 
     def _explain(self, outputs: list[Output], native: list[Output]) -> None:
         length = max(len(outputs), len(native))

@@ -207,6 +207,21 @@ TEST_CASE("the longest frame and full blocks behind it fit, whatever the buffer 
   }
 }
 
+TEST_CASE("all but one byte of the longest frame, and a full block behind it") {
+  Buffer stream = encoded(static_cast<MessageType>(0x7E), counting(kMaxPayload));
+  const std::size_t held = stream.size() - 1;
+  const Buffer second = encoded(static_cast<MessageType>(0x7E), counting(FrameDecoder::kMaxFeed - 1 - kFrameOverhead));
+  append(stream, second);
+  Run run;
+  for (std::size_t at = 0; at < held; at += FrameDecoder::kMaxFeed) {
+    run.feed({stream.data() + at, std::min(FrameDecoder::kMaxFeed, held - at)});
+  }
+  CHECK(run.result().frames.empty());
+  run.feed(view(stream).from(held));
+  CHECK(run.result().counters.frames_ok == 2);
+  CHECK(run.result().counters.bytes_skipped == 0);
+}
+
 TEST_CASE("a payload stays valid until the next bytes come") {
   Buffer stream = encoded(MessageType::kTimeSync, counting(9));
   append(stream, encoded(MessageType::kConfig, counting(11)));

@@ -232,6 +232,22 @@ TEST_CASE("the longest frames and full blocks behind them fit, whatever the buff
   }
 }
 
+TEST_CASE("all but one byte of the longest frame, and a full block behind it") {
+  Buffer stream = framed(3, 255);
+  const std::size_t held = stream.size() - 1;
+  const Buffer small = framed(4, 23);
+  std::uint32_t count = 1;
+  for (; stream.size() + small.size() <= held + KoggerFramer::kMaxFeed; ++count) append(stream, small);
+  stream.resize(held + KoggerFramer::kMaxFeed, 0x11);
+  Run run;
+  run.feed(view(stream).first(held));
+  CHECK(run.frames_ok() == 0);
+  run.feed(view(stream).from(held));
+  CHECK(run.frames_ok() == count);
+  CHECK(run.errors() == 0);
+  CHECK(run.idle());
+}
+
 TEST_CASE("auto changes to modulo 255 after ten frames in a row, and back") {
   // 200 bytes: their sums pass 255, so that each frame fits one algorithm only.
   const Buffer real = framed(3, 200), textbook = framed(3, 200, kogger_mod255);

@@ -328,7 +328,7 @@ def test_bb55_streams_dense_in_starts(bb55: Filter, stream: bytes, sizes: list[i
 
 def random_chunks(rng: random.Random) -> list[ChartChunk]:
     chunks, seq_offset = [], rng.choice((0, 0, 400, 19_000))
-    sizes = rng.choice(((200,), (1, 2, 7, 15, 16, 17, 240, 248, 249), range(1, 250)))
+    sizes = rng.choice(((200,), (1, 2, 7, 15, 16, 17, 240, 248, 249), range(1, 250), range(250, 800)))
     for _ in range(rng.randint(1, 12)):
         samples = rng.randbytes(rng.choice(sizes))
         if rng.random() < 0.2:
@@ -344,7 +344,7 @@ def random_chunks(rng: random.Random) -> list[ChartChunk]:
 def test_bundles(packer: Filter, decimation: int, coding: Coding, version: int) -> None:
     rng = random.Random(decimation * 100 + coding * 10 + version)
     for number in range(100):
-        channel, limit = rng.choice((Channel.A, Channel.B)), rng.choice((224, 512))
+        channel, limit = rng.choice((Channel.A, Channel.B)), rng.choice((224, 512, 40, 61))
         t_us, mark, chunks = rng.randrange(2**32), rng.random() < 0.5, random_chunks(rng)
         reference = BundlePacker(channel, decimation=decimation, coding=coding, payload_limit=limit)
         reference.begin(number, t_us, version=version, mark=mark)

@@ -20,6 +20,7 @@ struct ChartChunk {
 std::size_t decimate(Bytes samples, std::uint8_t decimation, Coding coding, std::uint8_t version, std::uint8_t* into);
 
 // One ping's payloads, chunk by chunk: begin(), then add() and end(), which hand each full payload to `sink`.
+// payload_limit: at most kPayloadLimitFast.
 class BundlePacker {
  public:
   class Sink {
