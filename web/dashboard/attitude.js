@@ -7,8 +7,8 @@ import { wake } from './ticker.js';
 const DEG = Math.PI / 180;
 /** Shares of the width: the ladder and its numbers stay between the wings. */
 const LADDER = 0.1;
-const WING_FROM = 0.24;
-const WING_TO = 0.4;
+const WING_FROM = 0.3;
+const WING_TO = 0.44;
 const ROLL_MARKS = [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60];
 
 export class Attitude extends Instrument {
