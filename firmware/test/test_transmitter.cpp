@@ -39,7 +39,8 @@ using Types = std::vector<int>;
 }  // namespace
 
 TEST_CASE("No more than a window of bytes lies in the line, and it is filled to the byte") {
-  for (const auto& [baud, window] : {std::pair{115200u, 230u}, std::pair{921600u, 552u}}) {
+  for (const auto& [rate, window] : {std::pair{115200u, 230u}, std::pair{921600u, 552u}}) {
+    const auto baud = rate;  // CAPTURE is a lambda, into which clang lets no structured binding
     CAPTURE(baud);
     Line line(baud);
     line.other(window - 100);
