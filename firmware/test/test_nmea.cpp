@@ -66,7 +66,7 @@ TEST_CASE("a u-blox receiver with a fix") {
   CHECK(report.longitude_e7 == -1212565388);   // -(121 + 15.39233 / 60), rounded half away from zero
   CHECK(report.altitude_mm == 72500);
   CHECK(report.speed_cmps == 14);              // 0.264 knots = 13.58 cm/s
-  CHECK(report.course_cdeg == 0);
+  CHECK(report.course_cdeg == 0xFFFF);         // left empty at rest: unknown, not north
   CHECK(report.utc_ms == 1407125925000u);      // 2014-08-04 04:18:45
   CHECK(gps.reader.errors() == 0);
   const SensorFields fields = gps.fields(5000000);
@@ -102,8 +102,8 @@ TEST_CASE("without a fix the receiver's last position is not passed on") {
   CHECK(report.latitude_e7 == 0);
   CHECK(report.longitude_e7 == 0);
   CHECK(report.altitude_mm == 0);
-  CHECK(report.speed_cmps == 0);
-  CHECK(report.course_cdeg == 0);
+  CHECK(report.speed_cmps == 0xFFFF);
+  CHECK(report.course_cdeg == 0xFFFF);
   CHECK(report.satellites == 2);
   CHECK(report.utc_ms == 1407125925000u);
   CHECK(gps.fields(5000000).altitude_dm == 0);
@@ -152,9 +152,9 @@ TEST_CASE("absurd numbers saturate") {
               gga("120000.00", "1,99999,99999999,-99999999999,M,48.0,M,,"),
           1000000);
   CHECK(gps.only().satellites == 255);
-  CHECK(gps.only().hdop_x100 == 65535);
+  CHECK(gps.only().hdop_x100 == 65534);
   CHECK(gps.only().altitude_mm == INT32_MIN);
-  CHECK(gps.only().speed_cmps == 65535);
+  CHECK(gps.only().speed_cmps == 65534);
   CHECK(gps.only().course_cdeg < 36000);
   CHECK(gps.fields(1000000).altitude_dm == INT16_MIN);
 }

@@ -24,7 +24,7 @@ _MAX_FIELDS = 20
 _ALIVE_US, _GSA_US, _OTHER_HALF_US = 3_000_000, 2_500_000, 400_000
 _I32_MIN, _I32_MAX = -(1 << 31), (1 << 31) - 1
 _CHECKED = re.compile(rb"\$(.*)\*([0-9A-Fa-f]{2})", re.DOTALL)
-_NOTHING = GpsFields(0, 0, 0, 9999, 0, 0, 0, 0, 0, 0)
+_NOTHING = GpsFields(0, 0, 0, 0xFFFF, 0, 0, 0, 0xFFFF, 0xFFFF, 0)  # all ones: unknown
 
 
 @dataclass(slots=True)
@@ -109,7 +109,13 @@ class NmeaReader:
     def _send(self, pending: _Pending, now_us: int, sink: ReportSink) -> None:
         report = pending.fields
         if not pending.valid or not pending.has_position:
-            nothing = {"latitude_e7": 0, "longitude_e7": 0, "altitude_mm": 0, "speed_cmps": 0, "course_cdeg": 0}
+            nothing = {
+                "latitude_e7": 0,
+                "longitude_e7": 0,
+                "altitude_mm": 0,
+                "speed_cmps": 0xFFFF,
+                "course_cdeg": 0xFFFF,
+            }
             report = replace(report, fix=0, **nothing)
         elif self._gsa_mode >= 2 and self._gsa_seen.within(now_us, _GSA_US):
             report = replace(report, fix=self._gsa_mode)
@@ -155,7 +161,7 @@ def _take_gga(pending: _Pending, gga: list[bytes]) -> None:
     if satellites is not None:
         pending.fields = replace(pending.fields, satellites=min(satellites // NANO, 255))
     if hdop is not None:
-        pending.fields = replace(pending.fields, hdop_x100=min(divide_rounded(hdop, NANO // 100), 65_535))
+        pending.fields = replace(pending.fields, hdop_x100=min(divide_rounded(hdop, NANO // 100), 65_534))
     if altitude is not None:
         pending.has_altitude = True
         altitude_mm = clamped(divide_rounded(altitude, NANO // 1000), _I32_MIN, _I32_MAX)
@@ -173,7 +179,7 @@ def _take_rmc(pending: _Pending, rmc: list[bytes]) -> None:
         pending.fields = replace(pending.fields, latitude_e7=latitude_e7, longitude_e7=longitude_e7)
     knots, course = parse_decimal(rmc[7]), parse_decimal(rmc[8])
     if knots is not None:
-        speed_cmps = min(divide_rounded(min(knots, 2000 * NANO) * 463, 9 * NANO), 65_535)
+        speed_cmps = min(divide_rounded(min(knots, 2000 * NANO) * 463, 9 * NANO), 65_534)
         pending.fields = replace(pending.fields, speed_cmps=speed_cmps)
     if course is not None:
         pending.fields = replace(pending.fields, course_cdeg=divide_rounded(course, NANO // 100) % 36_000)

@@ -215,7 +215,7 @@ void NmeaReader::take_gga(const Sentence& gga) {
     report.satellites = static_cast<std::uint8_t>(clamped(nano / kNano, 0, 255));
   }
   if (parse_decimal(gga[8], nano)) {
-    report.hdop_x100 = static_cast<std::uint16_t>(clamped(divide_rounded(nano, kNano / 100), 0, 65535));
+    report.hdop_x100 = static_cast<std::uint16_t>(clamped(divide_rounded(nano, kNano / 100), 0, 65534));
   }
   if (parse_signed_decimal(gga[9], nano)) {
     pending_.has_altitude = true;
@@ -239,7 +239,7 @@ void NmeaReader::take_rmc(const Sentence& rmc) {
   if (parse_decimal(rmc[7], nano)) {
     // 1 knot = 463 / 9 cm/s
     const std::int64_t knots_nano = clamped(nano, 0, 2000 * kNano);
-    report.speed_cmps = static_cast<std::uint16_t>(clamped(divide_rounded(knots_nano * 463, 9 * kNano), 0, 65535));
+    report.speed_cmps = static_cast<std::uint16_t>(clamped(divide_rounded(knots_nano * 463, 9 * kNano), 0, 65534));
   }
   if (parse_decimal(rmc[8], nano)) {
     report.course_cdeg = static_cast<std::uint16_t>(divide_rounded(nano, kNano / 100) % 36000);
@@ -256,7 +256,7 @@ void NmeaReader::send(std::uint64_t now_us, ReportSink& sink) {
   if (invalid || !pending_.has_position) {
     report.fix = 0;
     report.latitude_e7 = report.longitude_e7 = report.altitude_mm = 0;
-    report.speed_cmps = report.course_cdeg = 0;
+    report.speed_cmps = report.course_cdeg = 0xFFFF;
   } else if (gsa_mode_ >= 2 && gsa_seen_.within(now_us, kGsaUs)) {
     report.fix = gsa_mode_;
   } else {

@@ -59,9 +59,9 @@ void pack_status(const StatusFields& fields, std::uint8_t (&into)[kStatusBytes])
 struct GpsFields {
   std::uint32_t t_us = 0;
   std::uint8_t fix = 0, satellites = 0;
-  std::uint16_t hdop_x100 = 9999;
+  std::uint16_t hdop_x100 = 0xFFFF;
   std::int32_t latitude_e7 = 0, longitude_e7 = 0, altitude_mm = 0;
-  std::uint16_t speed_cmps = 0, course_cdeg = 0;
+  std::uint16_t speed_cmps = 0xFFFF, course_cdeg = 0xFFFF;  // all ones: unknown, as for hdop_x100
   std::uint64_t utc_ms = 0;
 };
 void pack_gps(const GpsFields& fields, std::uint8_t (&into)[kGpsBytes]);
