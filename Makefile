@@ -82,6 +82,7 @@ lock: ## pin anew (needs uv)
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra xtf --group dev pyproject.toml -o requirements/dev.lock
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --no-emit-package numpy --no-emit-package lz4 --no-emit-package zstandard pyproject.toml -o requirements/vehicle.lock
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --no-annotate --python-version 3.11 -c requirements/dev.lock requirements/build.in -o requirements/build.lock
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --no-annotate --python-version 3.11 requirements/firmware-test.in -o requirements/firmware-test.lock
 	npm install --package-lock-only
 
 clean:
