@@ -66,10 +66,11 @@ test-browser:
 firmware: ## the board's own program for this machine: firmware/build/brov-firmware
 	$(MAKE) -C firmware native
 
-firmware-test: setup ## the firmware's core under sanitizers, and the same bytes as Python's
+firmware-test: setup ## the firmware's core under sanitizers, with the same bytes as Python's, and as Xtensa code
 	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -j2 -C firmware native test; \
 	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
 	$(BIN)/pytest -n 2 -m "not long" tests/firmware
+	firmware/xtensa/try_all
 
 test-long: setup ## image build and run, armv7 install, long fuzzing and soak
 	scripts/test-long
@@ -82,6 +83,7 @@ lock: ## pin anew (needs uv)
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra xtf --group dev pyproject.toml -o requirements/dev.lock
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --no-emit-package numpy --no-emit-package lz4 --no-emit-package zstandard pyproject.toml -o requirements/vehicle.lock
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --no-annotate --python-version 3.11 -c requirements/dev.lock requirements/build.in -o requirements/build.lock
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header --no-annotate --python-version 3.11 requirements/firmware-test.in -o requirements/firmware-test.lock
 	npm install --package-lock-only
 
 clean:

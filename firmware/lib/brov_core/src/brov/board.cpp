@@ -96,7 +96,7 @@ void Board::run_jobs(std::uint64_t now_us) {
   if (status_job_.due(now_us, kStatusPeriodUs)) send_status(now_us, 0, 0);
 }
 
-void Board::send_sensors(std::uint64_t now_us) {
+SensorFields Board::readings(std::uint64_t now_us) const {
   SensorFields fields;
   fields.device_ms = static_cast<std::uint32_t>(now_us / 1000);
   imu_.fill(fields, now_us);
@@ -109,8 +109,12 @@ void Board::send_sensors(std::uint64_t now_us) {
   fields.a_bytes = sonars_.port(Channel::kA).bytes();
   fields.b_packets = sonars_.port(Channel::kB).packets();
   fields.b_bytes = sonars_.port(Channel::kB).bytes();
+  return fields;
+}
+
+void Board::send_sensors(std::uint64_t now_us) {
   std::uint8_t payload[kSensorsBytes];
-  pack_sensors(fields, payload);
+  pack_sensors(readings(now_us), payload);
   transmitter_.queue().put(Urgency::kSensors, MessageType::kSensors, Bytes(payload, sizeof payload));
 }
 

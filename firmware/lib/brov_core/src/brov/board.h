@@ -54,6 +54,8 @@ class Board final : private ReportSink, private HostCommands::Listener {
 
   const Transmitter& transmitter() const { return transmitter_; }
   const SonarPort& sonar(Channel channel) const { return sonars_.port(channel); }
+  // What SENSORS would say now.
+  SensorFields readings(std::uint64_t now_us) const;
 
  private:
   void imu_burst(std::uint32_t t0_us, std::uint32_t dt_us, const ImuSample* samples, std::uint8_t count) override;

@@ -16,7 +16,7 @@ struct ChartChunk {
   Bytes samples;
 };
 
-// Groups of `decimation` samples to one byte each; version 1 alternates two sub-channels. Returns the bytes written.
+// Groups of `decimation` samples, 1 to 8, to one byte each; version 1 alternates two sub-channels. Returns the bytes written.
 std::size_t decimate(Bytes samples, std::uint8_t decimation, Coding coding, std::uint8_t version, std::uint8_t* into);
 
 // One ping's payloads, chunk by chunk: begin(), then add() and end(), which hand each full payload to `sink`.
