@@ -200,7 +200,8 @@ def test_the_time_sync_echo_bounds_the_delay() -> None:
 
 
 def legacy(**changes: int) -> bytes:
-    return sensors("sensors_legacy", **changes)
+    """Without a depth on the wire, so that pressure is judged by its steps alone."""
+    return sensors("sensors_legacy", **{"depth_cm": 0, **changes})
 
 
 def test_legacy_conductivity_is_published_only_where_the_probe_agrees() -> None:

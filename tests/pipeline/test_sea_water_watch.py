@@ -61,3 +61,14 @@ def test_a_later_full_range_frame_clears_the_doubts() -> None:
             fields = SensorFields(**{**MESSAGES[name]["fields"], "pressure_dmbar": pressure})
             watch.samples(fields, 1.0, 2.0)
         assert watch.pressure_distrusted is watch.conductivity_distrusted is (name == "sensors_legacy")
+
+
+@pytest.mark.parametrize(("depth_cm", "pressure_dmbar", "believed"), [(7_000, 14_959, False), (3_000, 40_288, True)])
+def test_a_link_opened_below_55_m_shows_no_wrapped_pressure(depth_cm: int, pressure_dmbar: int, believed: bool) -> None:
+    """70 m are 80 495 counts of 0.1 mbar, of which 16 bits keep 14 959: alone they would pass for 5 m."""
+    ctd = ctd_of("sensors_legacy", depth_cm=depth_cm, pressure_dmbar=pressure_dmbar)
+    assert (ctd.pressure_pa is not None) is believed
+
+
+def test_a_depth_that_old_firmware_never_fills_in_raises_no_doubt() -> None:
+    assert ctd_of("sensors_legacy", depth_cm=0, pressure_dmbar=50_000).pressure_pa is not None

@@ -5,16 +5,28 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bluerov_slam.errors import OutOfValidityError
-from bluerov_slam.navigation.seawater import STANDARD_ATMOSPHERE_PA, depth_m, practical_salinity_psu, sound_speed_mps
-from bluerov_slam.protocol.sensor_frame import LEGACY_SALINITY_TOLERANCE_PSU, sensor_sample
+from bluerov_slam.navigation.seawater import (
+    SEA_WATER_DENSITY_KG_PER_M3,
+    STANDARD_ATMOSPHERE_PA,
+    depth_m,
+    practical_salinity_psu,
+    sound_speed_mps,
+)
+from bluerov_slam.protocol.sensor_frame import (
+    LEGACY_SALINITY_TOLERANCE_PSU,
+    STANDARD_GRAVITY_MPS2,
+    sensor_sample,
+)
 from bluerov_slam.records import CtdSample, Sender
 
 if TYPE_CHECKING:
     from bluerov_slam.protocol.sensor_frame import SensorFields
     from bluerov_slam.records import SensorSample
 
-# 3 bar between two frames is 30 m: a 16-bit pressure in 0.1 mbar went past its end.
+# 3 bar between two frames, or between a frame's pressure and its depth, is 30 m: a 16-bit pressure in 0.1 mbar went
+# past its end.
 LEGACY_PRESSURE_STEP_PA = 300_000.0
+_PASCAL_PER_WIRE_M = SEA_WATER_DENSITY_KG_PER_M3 * STANDARD_GRAVITY_MPS2  # how the wire's depth is defined
 
 
 class SeaWaterWatch:
@@ -37,7 +49,7 @@ class SeaWaterWatch:
         sample = sensor_sample(fields, measured_s, arrived_s)
         self.sender = sample.sender
         if sample.sender is Sender.LEGACY:
-            self._watch_pressure(sample.pressure_pa)
+            self._watch_pressure(sample.pressure_pa, sample.depth_wire_m)
             pressure_pa = None if self.pressure_distrusted else sample.pressure_pa
             self.conductivity_distrusted = sample.conductivity_s_per_m is not None and not self._agrees(
                 sample, pressure_pa
@@ -54,11 +66,14 @@ class SeaWaterWatch:
             self.conductivity_distrusted = self.pressure_distrusted = False
         return sample, self._ctd(sample)
 
-    def _watch_pressure(self, pressure_pa: float | None) -> None:
-        last_pa = self._last_pressure_pa
+    def _watch_pressure(self, pressure_pa: float | None, depth_wire_m: float | None) -> None:
         if pressure_pa is None:
             return
-        if last_pa is not None and abs(pressure_pa - last_pa) > LEGACY_PRESSURE_STEP_PA:
+        expected_pa = [] if self._last_pressure_pa is None else [self._last_pressure_pa]
+        if depth_wire_m:
+            # Depth was taken from the pressure before that wrapped: all there is to see of a link opened below 55 m.
+            expected_pa.append(STANDARD_ATMOSPHERE_PA + depth_wire_m * _PASCAL_PER_WIRE_M)
+        if any(abs(pressure_pa - pa) > LEGACY_PRESSURE_STEP_PA for pa in expected_pa):
             self.pressure_distrusted = True
         self._last_pressure_pa = pressure_pa
 
