@@ -237,6 +237,30 @@ TEST_CASE("The microsecond and the millisecond counter wrap without a stumble") 
   }
 }
 
+TEST_CASE("SENSORS keeps its pace when a full line becomes a slow one") {
+  Rig rig(921600);
+  send_pings(rig, 5000, 10);
+  for (int i = 0; i < 3000; ++i) rig.send(Port::kSonarB, kogger_frame(0x40, Buffer(255, 1)), 3000u * static_cast<std::uint64_t>(i));
+  rig.run_until(3045000);  // just before a SENSORS
+  rig.command(0x22, config(1, {{1, 20000}, {4, 115200}}));
+  rig.run_for(100000);
+  REQUIRE(rig.hal.baud_changes.size() == 1);
+  rig.run_until(10000000);  // and nobody is heard: back to the fast line in between
+  CHECK(rig.hal.baud_changes.size() == 2);
+  std::uint64_t due = rig.sent(0x01).back().at_us % 50000;
+  for (const SentFrame& frame : rig.sent(0x01)) {
+    if (frame.at_us < 3100000) continue;
+    const std::uint64_t late = (frame.at_us - due) % 50000 + (frame.starts_us - frame.at_us);
+    const bool slow = frame.at_us < rig.hal.baud_changes[1].at_us;
+    CHECK(late <= (slow ? 20000u : 6000u));
+  }
+  for (const SentFrame& frame : rig.hal.link) {
+    if (frame.at_us >= rig.hal.baud_changes[0].at_us && frame.at_us < rig.hal.baud_changes[1].at_us) {
+      CHECK(frame.bytes() <= 4 + 263 + kFrameOverhead);
+    }
+  }
+}
+
 TEST_CASE("A board that was held up does not catch up on what it missed") {
   Rig rig;
   rig.run_until(100000);

@@ -139,7 +139,7 @@ TEST_CASE("CONFIG is obeyed as a whole and saved once") {
 
 TEST_CASE("CONFIG with any pair that is not allowed changes nothing") {
   const std::initializer_list<std::pair<std::uint8_t, std::uint32_t>> bad[] = {
-      {{3, 2}, {9, 1}},     {{3, 2}, {1, 499}},  {{3, 2}, {1, 20001}}, {{3, 2}, {2, 999}},
+      {{3, 2}, {9, 1}},     {{9, 1}, {3, 2}},    {{3, 2}, {1, 499}},  {{3, 2}, {1, 20001}}, {{3, 2}, {2, 999}},
       {{3, 2}, {2, 20001}}, {{3, 0}},            {{3, 9}},             {{3, 2}, {4, 57600}},
       {{3, 2}, {0, 2}},     {{4, 921600}, {3, 9}}};
   std::uint8_t sequence = 0;

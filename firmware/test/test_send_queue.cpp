@@ -233,6 +233,40 @@ TEST_CASE("A ping that does not fit its channel's store is dropped, others stay"
   CHECK(queue.take_all() == expected);
 }
 
+TEST_CASE("What was written of a ping that did not fit leaves nothing behind") {
+  Queue queue;
+  for (int round = 0; round < 30; ++round) {  // so that the ring wraps
+    for (std::uint8_t i = 1; i <= 3; ++i) queue.ping(Channel::kA, i, {512, 512, 512, 512, 512, 512, 512}, 1000000);
+    CHECK(queue.take() == 1);
+    queue.ping(Channel::kA, 4, {500, 512, 512, 512}, 1000000);  // its last frame finds no room
+    queue.ping(Channel::kA, 5, {500}, 1000000);
+    CHECK(queue.dropped(Channel::kA) == static_cast<std::uint32_t>(round + 1));
+    Names expected(6, 1);
+    expected.insert(expected.end(), 7, 2);
+    expected.insert(expected.end(), 7, 3);
+    expected.push_back(5);
+    CHECK(queue.take_all() == expected);
+  }
+}
+
+TEST_CASE("Sonar data can be lost as a whole, and are counted; the rest stays") {
+  Queue queue;
+  queue.put(Urgency::kReports, MessageType::kStatus, 9, 62);
+  queue.ping(Channel::kA, 1, {100, 100});
+  queue.ping(Channel::kB, 2, {100});
+  queue.ping(Channel::kB, 3, {100});
+  CHECK(queue.take() == 9);
+  CHECK(queue.take() == 1);
+  queue.put(Urgency::kSonarOther, MessageType::kKoggerRawB, 7, 30);
+  queue.put(Urgency::kAcks, MessageType::kCommandAck, 8, 3);
+  (*queue).drop_sonar_data();
+  CHECK(queue.dropped(Channel::kA) == 1);
+  CHECK(queue.dropped(Channel::kB) == 2);
+  CHECK((*queue).lost_sonar_bytes(Channel::kB) == 30);
+  queue.ping(Channel::kB, 4, {100});
+  CHECK(queue.take_all() == Names{8, 4});
+}
+
 TEST_CASE("A channel holds 16 pings, the one being sent included") {
   Queue queue;
   for (std::uint8_t i = 1; i <= 17; ++i) queue.ping(Channel::kA, i, {10, 10});

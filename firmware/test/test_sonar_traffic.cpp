@@ -243,6 +243,32 @@ TEST_CASE("Raw begins below 75 % of the line and ends at 85 %, both sonars toget
   CHECK(!raw_after(3000, 3800));       // 81 320
 }
 
+TEST_CASE("The measured rate follows a change by a fifth with each ping") {
+  Rig rig(921600);
+  for (int i = 0; i < 60; ++i) {
+    const std::size_t samples = i < 40 ? 3000 : 4300;
+    for (const Port port : {Port::kSonarA, Port::kSonarB}) {
+      rig.send(port, ping(samples, 0), 100000u * static_cast<std::uint64_t>(i) + (port == Port::kSonarB ? 40000 : 0));
+    }
+  }
+  rig.run_until(6100000);
+  // From 32 100 bytes/s a sonar to 4608 bytes each 114 ms and then each 100 ms: 33 760, 36 220, 38 190, 39 770. Both
+  // together with 232 others pass 78 336 with B's fourth.
+  // A's second ping ends before B has a rate.
+  CHECK(raw_bytes(rig, 0x02).size() == 38u * 3210 + 4 * 4608);
+  CHECK(raw_bytes(rig, 0x03).size() == 39u * 3210 + 3 * 4608);
+}
+
+TEST_CASE("The time of a first byte that came before the wrap is not clamped") {
+  const std::uint64_t tick_us = ((std::uint64_t{1} << 32) / 1000 + 1) * 1000;  // 704 us behind the wrap
+  Rig rig(115200, tick_us - 1000);
+  rig.send_at_once(Port::kSonarA, chart(0, Buffer(200, 1)));
+  rig.run_for(50000);
+  const auto all = bundles(rig);
+  REQUIRE(all.size() == 1);
+  CHECK(all[0].t_us == static_cast<std::uint32_t>(tick_us - 213 * 10000000u / 921600));
+}
+
 TEST_CASE("A channel that was heard but whose rate is not known keeps both compressed") {
   Rig rig(921600);
   rig.send(Port::kSonarB, kogger_frame(5, {1, 2}));

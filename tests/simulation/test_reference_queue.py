@@ -74,6 +74,23 @@ def test_a_ping_being_sent_is_never_dropped_and_fills_its_store() -> None:
     assert marks(sent(queue)) == [*((0, index) for index in range(1, 39)), (2, 0)]
 
 
+def test_sonar_data_packed_for_a_faster_line_are_lost_and_counted() -> None:
+    queue = SendQueue()
+    line = Transmitter(queue, 921_600)
+    queue.put_ping(Channel.A, ping(1, payloads=3), SLOW)
+    assert marks([queue.take(False)]) == [(1, 0)]
+    queue.put_ping(Channel.B, ping(2), SLOW)
+    queue.put(Urgency.SONAR_OTHER, MessageType.KOGGER_RAW_B, bytes(50))
+    queue.put(Urgency.SENSORS, MessageType.SENSORS, bytes(76))
+    line.change_baud(115_200)
+    outputs: list[Output] = []
+    line.tick(1000, outputs)
+    assert [output.sink for output in outputs] == [Sink.LINK_BAUD, Sink.LINK]
+    assert queue.pings_dropped == {Channel.A: 1, Channel.B: 1}
+    assert queue.lost_sonar_bytes == {Channel.A: 0, Channel.B: 50}
+    assert not queue.next_length(acks_only=False)
+
+
 def test_hands_over_what_fits_the_window_and_keeps_the_line_busy() -> None:
     queue = SendQueue()
     line = Transmitter(queue, 115_200)

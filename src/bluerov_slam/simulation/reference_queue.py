@@ -100,6 +100,15 @@ class SendQueue:
         while len(self._pings) > 1 and sum(waiting.bytes for waiting in self._pings) > limit:
             self._drop_one()
 
+    def drop_sonar_data(self) -> None:
+        """Lose every ping, the one being sent included, and every other sonar frame."""
+        while self._frames[Urgency.SONAR_OTHER]:
+            self._lose_oldest(Urgency.SONAR_OTHER)
+        for ping in (*self._pings, *([self._sending] if self._sending else [])):
+            self.pings_dropped[ping.channel] += 1
+        self._pings.clear()
+        self._sending = None
+
     def next_length(self, acks_only: bool) -> int:
         """Length of the frame to send next, 0 for none. `acks_only`: during a change of the line's rate."""
         for waiting in self._frames[Urgency.ACKS : Urgency.REPORTS] if acks_only else self._frames:

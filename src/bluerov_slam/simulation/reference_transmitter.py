@@ -92,6 +92,8 @@ class Transmitter:
         return max(0, -(-(self._free - now_us * self.baud) // _BITS_US))
 
     def _set_baud(self, baud: int, now_us: int, outputs: list[Output]) -> None:
+        if baud < self.baud:
+            self._queue.drop_sonar_data()  # packed for the fast line, its frames would hold SENSORS up
         self.baud = baud
         self._free = now_us * baud
         outputs.append(Output(Sink.LINK_BAUD, now_us, baud.to_bytes(4, "little")))

@@ -22,14 +22,27 @@ void SendQueue::put(Urgency urgency, MessageType type, Bytes payload) {
     case Urgency::kAcks: put_dropping_oldest(acks_, frame); break;
     case Urgency::kReports: put_dropping_oldest(reports_, frame); break;
     case Urgency::kSonarOther:
-      while (!other_.empty() && !other_.fits(frame.size)) {
-        const bool of_a = other_.front_byte(2) == static_cast<std::uint8_t>(MessageType::kKoggerRawA);
-        const std::size_t lost = other_.pop(nullptr) - kFrameOverhead;
-        lost_bytes_[of_a ? 0 : 1] += static_cast<std::uint32_t>(lost);
-      }
+      while (!other_.empty() && !other_.fits(frame.size)) drop_oldest_other();
       other_.push(frame);
       break;
   }
+}
+
+void SendQueue::drop_oldest_other() {
+  const bool of_a = other_.front_byte(2) == static_cast<std::uint8_t>(MessageType::kKoggerRawA);
+  const std::size_t lost = other_.pop(nullptr) - kFrameOverhead;
+  lost_bytes_[of_a ? 0 : 1] += static_cast<std::uint32_t>(lost);
+}
+
+void SendQueue::drop_sonar_data() {
+  while (!other_.empty()) drop_oldest_other();
+  for (std::size_t channel = 0; channel < stores_.size(); ++channel) {
+    Store& store = stores_[channel];
+    pings_dropped_[channel] += static_cast<std::uint32_t>(store.count);
+    store.frames.clear();
+    store.count = 0;
+  }
+  sending_ = kNone;
 }
 
 void SendQueue::begin_ping(Channel channel) {

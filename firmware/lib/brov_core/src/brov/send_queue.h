@@ -42,6 +42,7 @@ class FrameRing {
     --frames_;
     return length;
   }
+  void clear() { start_ = used_ = frames_ = 0; }
   void drop_newest(std::size_t frames, std::size_t stored_bytes) {
     used_ -= stored_bytes;
     frames_ -= frames;
@@ -77,6 +78,8 @@ class SendQueue {
   void begin_ping(Channel channel);
   void ping_payload(MessageType type, Bytes payload);
   void end_ping(std::uint32_t line_bytes_per_s);
+  // Loses every ping, the one being sent included, and every other sonar frame.
+  void drop_sonar_data();
 
   bool acks_empty() const { return acks_.empty(); }
   // Length of the frame to send next, 0 for none. acks_only: during a change of baud rate.
@@ -110,6 +113,7 @@ class SendQueue {
     const Ping& ping(std::size_t i) const { return pings[(first + i) % kMaxPings]; }
   };
 
+  void drop_oldest_other();
   std::size_t waiting(std::size_t channel) const;  // pings of which no frame has been taken
   std::uint32_t waiting_bytes() const;
   void drop_oldest_waiting(std::size_t channel);

@@ -39,6 +39,8 @@ void Transmitter::tick(std::uint64_t now_us) {
 }
 
 void Transmitter::set_baud(std::uint32_t baud, std::uint64_t now_us) {
+  // What was packed for the fast line would hold SENSORS up for 45 ms a frame on the slow one.
+  if (baud < baud_) queue_.drop_sonar_data();
   baud_ = wanted_baud_ = baud;
   hal_.link_set_baud(baud, now_us);
 }
