@@ -6,18 +6,36 @@ import fcntl
 import os
 import shutil
 import subprocess
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
 
+from bluerov_slam.simulation.board import Board
+from bluerov_slam.simulation.reference_board import ReferenceBoard
+from bluerov_slam.simulation.scenario import Scenario
+from bluerov_slam.sources.native_board import NativeBoard
+
 FIRMWARE = Path(__file__).parents[1] / "firmware"
+_COMPILER = os.environ.get("CXX", "g++")
 
 
+def board_in_the_loop(scenario: Scenario) -> Board:
+    """The native firmware for a test of the whole system; the reference as the old one, or without a compiler."""
+    if scenario.legacy or not _has_compiler():
+        return ReferenceBoard(legacy=scenario.legacy)
+    return NativeBoard(built("brov-firmware"))
+
+
+def _has_compiler() -> bool:
+    return shutil.which(_COMPILER) is not None
+
+
+@lru_cache
 def built(program: str) -> Path:
     """`firmware/build/<program>`, up to date; skips the test where there is no C++ compiler."""
-    compiler = os.environ.get("CXX", "g++")
-    if shutil.which(compiler) is None:
-        pytest.skip(f"no C++ compiler here ({compiler}): the firmware cannot be built")
+    if not _has_compiler():
+        pytest.skip(f"no C++ compiler here ({_COMPILER}): the firmware cannot be built")
     path = FIRMWARE / "build" / program
     path.parent.mkdir(exist_ok=True)
     with (path.parent / ".lock").open("w") as lock:  # test processes side by side must not build over one another

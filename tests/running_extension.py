@@ -19,6 +19,7 @@ from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.serial_port import SerialPort
+from firmware_build import board_in_the_loop
 from free_ports import free_port
 from patience import PATIENCE_S
 
@@ -102,7 +103,8 @@ async def running_simulator(
 ) -> AsyncIterator[Simulator]:
     """A virtual ESP32 whose port appears in a folder that plays /dev."""
     scripted = tuple(parse_fault(fault) for fault in faults)
-    board = VirtualEsp32(replace(SCENARIOS[scenario], **changes, faults=scripted), baud)
+    chosen = replace(SCENARIOS[scenario], **changes, faults=scripted)
+    board = VirtualEsp32(chosen, baud, board=board_in_the_loop(chosen))
     simulator = Simulator(board, device_folder=device_folder)
     task = asyncio.create_task(simulator.run())
     async with asyncio.timeout(PATIENCE_S):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from firmware_build import board_in_the_loop
 from patience import PATIENCE_S
 from running_system import diving
 
@@ -45,7 +46,8 @@ queries = st.dictionaries(st.one_of(st.sampled_from(["channel", "before", "after
 
 @pytest.fixture
 async def dive(tmp_path):
-    async with diving(tmp_path, VirtualEsp32(replace(SCENARIOS["survey"], samples=500, mission_start_s=60.0))) as dive:
+    scenario = replace(SCENARIOS["survey"], samples=500, mission_start_s=60.0)
+    async with diving(tmp_path, VirtualEsp32(scenario, board=board_in_the_loop(scenario))) as dive:
         await dive.state(lambda s: s["recorder"]["state"] == "recording")
         yield dive
 

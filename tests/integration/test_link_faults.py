@@ -10,6 +10,7 @@ from bluerov_slam.records import Channel, Ping, SensorSample
 from bluerov_slam.simulation.boot_text import PROBE_BYTES
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from firmware_build import board_in_the_loop
 from running_system import chips, diving, faults, missing_ts, shape
 
 PERIOD_MS = 100.0
@@ -33,14 +34,15 @@ os.write(os.open(node, os.O_RDWR | os.O_NOCTTY), data)
 
 
 def board(*, baud=115_200, **changes):
-    return VirtualEsp32(replace(SCENARIO, **changes), baud)
+    scenario = replace(SCENARIO, **changes)
+    return VirtualEsp32(scenario, baud, board=board_in_the_loop(scenario))
 
 
 class ForeignFirmware(VirtualEsp32):
     """Packs its sonar data in a way of its own; everything else is as it should be."""
 
     def __init__(self, scenario):
-        super().__init__(scenario)
+        super().__init__(scenario, board=board_in_the_loop(scenario))
         self._frames = Esp32FrameDecoder()
 
     def advance(self, until_s):

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.recording_reader import open_recording
+from firmware_build import board_in_the_loop
 from free_ports import free_port
 from patience import PATIENCE_S
 from real_data import recording
@@ -88,6 +89,10 @@ async def station():
     await station.close()
 
 
+def board(scenario):
+    return VirtualEsp32(scenario, board=board_in_the_loop(scenario))
+
+
 async def enable(dive, station):
     values = {"mavlink.target_port": station.port, "mavlink.enabled": True}
     status, answer = await dive.services.call("PATCH", "/api/settings", json=values)
@@ -95,7 +100,7 @@ async def enable(dive, station):
 
 
 async def test_a_ground_station_hears_every_message_of_a_vehicle_afloat(tmp_path, station):
-    async with diving(tmp_path, VirtualEsp32(AFLOAT)) as dive:
+    async with diving(tmp_path, board(AFLOAT)) as dive:
         status, _ = await dive.services.call("PATCH", "/api/settings", json={"mavlink.target_port": station.port})
         assert status == 200
         status, _ = await dive.services.call("PATCH", "/api/settings", json={"mavlink.enabled": True}, headers={})
@@ -154,7 +159,9 @@ async def test_a_ground_station_hears_every_message_of_a_vehicle_afloat(tmp_path
 
 
 async def test_the_autopilots_own_attitude_and_position_stay_undisturbed(tmp_path, station):
-    async with diving(tmp_path, VirtualEsp32(AFLOAT)) as dive:
+    async with diving(tmp_path, board(AFLOAT)) as dive:
+        await enable(dive, station)
+        await station.until(lambda: station.received("HEARTBEAT"), "heartbeat")
         async with station.autopilot():
             await enable(dive, station)
             await station.until(lambda: len(station.received("SCALED_PRESSURE")) > 12, "pressure")
@@ -168,7 +175,7 @@ async def test_the_autopilots_own_attitude_and_position_stay_undisturbed(tmp_pat
 
 
 async def test_under_water_no_position_is_sent_and_nothing_of_a_silent_sensor(tmp_path, station):
-    async with diving(tmp_path, VirtualEsp32(SUBMERGED)) as dive:
+    async with diving(tmp_path, board(SUBMERGED)) as dive:
         dive.inject("kind=silent sensor=imu", 1000.0)
         dive.inject("kind=silent sensor=depth", 1000.0)
         await dive.state(lambda s: {"imu_silent", "depth_missing"} <= faults(s).keys())
@@ -190,7 +197,7 @@ async def test_a_real_vehicle_log_becomes_records_and_is_recorded(tmp_path):
     wanted = ("ATTITUDE", "SERVO_OUTPUT_RAW", "BATTERY_STATUS")
     try:
         settings = {"mavlink__enabled": "true", "mavlink__target_port": str(port)}
-        async with diving(tmp_path, VirtualEsp32(SUBMERGED), **settings) as dive:
+        async with diving(tmp_path, board(SUBMERGED), **settings) as dive:
             state = await dive.state(
                 lambda s: all(s["mavlink"]["by_message"]["received"].get(name, 0) > 3 for name in wanted)
             )

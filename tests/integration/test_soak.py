@@ -18,6 +18,7 @@ from bluerov_slam.services.simulator import SerialNode
 from bluerov_slam.simulation.faults import WireFaults, parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from firmware_build import board_in_the_loop
 from running_system import RunningServices
 
 DIVE_S = 1200.0
@@ -80,6 +81,7 @@ class FastForward(threading.Thread):
         self.join(30)
         if self._node is not None:
             self._node.close()
+        self.board.close()
 
     def _step(self):
         data = self.board.advance(self.board.now_s + STEP_S)
@@ -112,7 +114,7 @@ class FastForward(threading.Thread):
 
 def make_board():
     scenario = replace(SCENARIOS["survey"], mission_start_s=60.0, seed=SEED)
-    board = VirtualEsp32(scenario)
+    board = VirtualEsp32(scenario, board=board_in_the_loop(scenario))
     board._wire_faults = WitnessedWire(SEED)
     dice = random.Random(SEED)
     at_s, number = 20.0, 0

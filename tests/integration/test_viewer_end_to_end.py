@@ -20,6 +20,7 @@ from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.viewer import ViewerService
 from bluerov_slam.simulation.scenario import Scenario
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
+from firmware_build import board_in_the_loop
 from free_ports import free_port
 from patience import PATIENCE_S
 
@@ -56,7 +57,9 @@ class Vehicle:
             "recording.min_free_mb": 10,
         }
         self.store = SettingsStore.open(None, self._flags, {})
-        self.simulator = Simulator(VirtualEsp32(scenario, baud=baud), link=folder / "esp32")
+        self.simulator = Simulator(
+            VirtualEsp32(scenario, baud, board=board_in_the_loop(scenario)), link=folder / "esp32"
+        )
         self.extension = Extension(self.store, simulated=True)
         self.viewer: ViewerService | None = None
         self._simulation: asyncio.Task[None] | None = None

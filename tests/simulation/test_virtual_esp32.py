@@ -81,6 +81,32 @@ def test_same_host_bytes_at_the_same_times_give_the_same_bytes() -> None:
     assert with_host(1) == with_host(7)
 
 
+def test_commands_and_settings_take_effect_at_the_same_instant_however_time_is_sliced() -> None:
+    faults = ("kind=silent sensor=imu at=1.03 duration=0.5", "kind=i2c_errors at=2 duration=1", "kind=reset at=3.21")
+    scenario = replace(UNDER_WAY, new_sensors=True, faults=tuple(map(parse_fault, faults)))
+    said = (
+        (0.7, encode_config(1, {ConfigKey.IMU_RATE_MHZ: 5_000})),
+        (1.4, b"".join(encode_kogger_command(channel, 2, chart_setup(300)) for channel in Channel) * 3),
+        (1.9, encode_config(3, {ConfigKey.BAUD: 921_600, ConfigKey.SENSORS_RATE_MHZ: 10_000})),
+        (5.0, encode_kogger_command(Channel.B, 4, chart_setup(1_500))),
+    )
+
+    def heard(step_s: float) -> bytes:
+        board = VirtualEsp32(scenario)
+        out, step = b"", 0
+        for at_s, data in (*said, (6.0, b"")):
+            while (step + 1) * step_s < at_s:
+                step += 1
+                out += board.advance(step * step_s)
+            board.receive(data, at_s)
+        return out + board.advance(6.0)
+
+    whole = heard(100.0)
+    assert len(whole) > 40_000
+    for step_s in (0.01, 0.0037, 0.0005):
+        assert heard(step_s) == whole
+
+
 @pytest.mark.parametrize("baud", [115_200, 921_600])
 @pytest.mark.parametrize("name", ["survey", "saturated"])
 def test_never_sends_faster_than_the_line(baud: int, name: str) -> None:
@@ -277,6 +303,27 @@ def test_reset_prints_boot_text_and_starts_over() -> None:
     assert (status.boot_count, status.reset_reason) == (8, 9)
     assert status.uptime_ms < 3_000
     assert sensors(frames)[-1].device_ms < 3_000
+
+
+def test_settings_outlive_a_reset_but_not_the_rate_of_the_line() -> None:
+    board = VirtualEsp32(replace(UNDER_WAY, faults=(parse_fault("kind=reset at=3"),)))
+    board.receive(encode_config(1, {ConfigKey.SENSORS_RATE_MHZ: 10_000, ConfigKey.BAUD: 921_600}), 1.0)
+    board.advance(2.0)
+    assert board.baud == 921_600
+    board.advance(4.0)
+    assert board.baud == 115_200
+    assert len(sensors(run(board, 6.0))) == 20
+
+
+def test_sensors_from_the_factory_are_set_up_and_remember_it() -> None:
+    faults = (parse_fault("kind=unplug at=4 duration=1"),)
+    frames = run(VirtualEsp32(replace(UNDER_WAY, new_sensors=True, faults=faults)), 9.0)
+    bursts = [burst for p in of_type(frames, MessageType.IMU_BURST) if (burst := unpack_imu_burst(p))]
+    assert bursts[0].dt_us == pytest.approx(100_000, abs=1_000)
+    at_20_hz = [abs(burst.dt_us - 50_000) <= 1_000 for burst in bursts]
+    assert sum(at_20_hz) == len(bursts) - 4  # as from the factory for the first 0.7 s, and never again
+    assert last_status(frames).ec_errors == 0
+    assert sensors(frames)[-1].ec_alive == 1
 
 
 def test_unplugged_board_is_silent_and_boots_when_plugged_in_again() -> None:
