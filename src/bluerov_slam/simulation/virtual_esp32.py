@@ -178,7 +178,7 @@ class VirtualEsp32:
                 self._reached_us, outputs = self.board.run(stop_us)
                 for output in outputs:
                     self._obey(output)
-                if outputs and outputs[-1].sink != Sink.LINK:
+                if any(output.sink != Sink.LINK for output in outputs):
                     return False
             self._reached_us = max(self._reached_us, stop_us)
         return True
