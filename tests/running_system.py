@@ -20,7 +20,7 @@ import aiohttp
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
 from bluerov_slam.records import Channel, Ping, Record, SensorSample
 from bluerov_slam.services.simulator import BY_ID_NAME, Simulator
-from bluerov_slam.simulation.faults import FaultKind, parse_fault
+from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import decode
@@ -201,12 +201,12 @@ class Dive:
 
     def replug(self) -> None:
         """End an `unplug` that was to last until it had been seen."""
-        self.simulator.board._replug()
+        self.simulator.board.replug()
 
     def let_speak(self, *sensors: str) -> None:
         """End a `silent` that was to last until it had been seen."""
-        board = self.simulator.board
-        board._faults = [f for f in board._faults if f.kind is not FaultKind.SILENT or f.sensor not in sensors]
+        for sensor in sensors:
+            self.simulator.board.let_speak(sensor)
 
     async def past(self, window: Window, margin_ms: float = 500.0) -> None:
         """Wait until sensor frames from after the window have come."""

@@ -65,7 +65,7 @@ async def test_unplugged_and_replugged_under_a_new_name_it_goes_on_by_itself(tmp
         simulator.inject(parse_fault("at=0 kind=unplug duration=1e6"))
         await running.until("/health", lambda health: not health["serial"])
         assert (await running.get("/health"))["status"] == "healthy"
-        simulator.board._replug()
+        simulator.board.replug()
         after = await running.until("/api/status", lambda s: s["serial_connected"])
         assert after["port"] != before["port"]
         frames = (await running.get("/health"))["frames"]

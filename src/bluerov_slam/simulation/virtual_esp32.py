@@ -129,7 +129,7 @@ class VirtualEsp32:
             self._timeline.at(start_s, lambda: self._reset(fault.reason))
         elif fault.kind is FaultKind.UNPLUG:
             self._timeline.at(start_s, self._unplug)
-            self._timeline.at(start_s + fault.duration_s, self._replug)
+            self._timeline.at(start_s + fault.duration_s, self.replug)
         elif fault.kind is FaultKind.MID_PING:
             sonar = self._sonars[Channel.A if fault.sensor == "a" else Channel.B]
             self._timeline.at(start_s, sonar.restart_mid_ping)
@@ -140,6 +140,19 @@ class VirtualEsp32:
         elif fault.kind in (FaultKind.SILENT, FaultKind.I2C_ERRORS):
             self._timeline.at(start_s, lambda: self._fall_silent(fault.sensor))
             self._timeline.at(start_s + fault.duration_s, self._show_i2c_bus)
+
+    def let_speak(self, sensor: str) -> None:
+        """End every scripted silence of this sensor now."""
+        self._faults = [f for f in self._faults if f.kind is not FaultKind.SILENT or f.sensor != sensor]
+        self._show_i2c_bus()
+
+    def replug(self) -> None:
+        """The cable is back, if it was pulled: the board gets power and boots."""
+        if not self.plugged:
+            self.plugged = True
+            self.instruments.power_up(self.now_s)
+            self._small.power_up()
+            self._start_boot(_POWER_ON)
 
     def advance(self, until_s: float) -> bytes:
         """Run to this virtual time; the bytes whose last bit has left the board by then."""
@@ -280,12 +293,6 @@ class VirtualEsp32:
     def _unplug(self) -> None:
         self._stop()
         self.plugged = False
-
-    def _replug(self) -> None:
-        self.plugged = True
-        self.instruments.power_up(self.now_s)
-        self._small.power_up()
-        self._start_boot(_POWER_ON)
 
     def _attach_sonar(self, channel: Channel) -> AttachedSonar:
         def is_heard() -> bool:
