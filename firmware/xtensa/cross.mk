@@ -88,8 +88,8 @@ esp32-asm: $(ESP32_ASM)
 $(XT)/esp32/%.s: %.cpp
 	@mkdir -p $(@D)
 	$(ESP32_CLANG) --target=xtensa-none-elf $(COMMON) -Os -ffreestanding -fno-exceptions -fno-threadsafe-statics $(XT_INCLUDES) \
-	  -emit-llvm -c $< -o $(@:.s=.bc)
+	  -MT $@ -emit-llvm -c $< -o $(@:.s=.bc)
 	$(ESP32_LLC) -O2 -march=xtensa -mcpu=esp32 -filetype=asm $(@:.s=.bc) -o $@
 
 report: $(XT)/qemu.txt $(ESP32_ASM)
-	$(PYTHON) xtensa/report.py $(BUILD) $(BUILD)/report.json
+	$(PYTHON) xtensa/report.py $(BUILD) src $(BUILD)/report.json

@@ -1,9 +1,10 @@
 """Memory, stack and time that the core takes, from its Xtensa code and its run under QEMU: JSON and a Markdown table.
 
-report.py BUILD_DIRECTORY JSON
+report.py BUILD_DIRECTORY SOURCE_DIRECTORY JSON
 
-Read: the object files and call graphs of the lx106 build, the ESP32's assembly, and measured.txt, the
-instructions of every loop pass. A row is met, not met, or has no limit. Exit 1 where a limit is not met.
+Read: the object files and call graphs of the lx106 build, the ESP32's assembly, measured.txt (the
+instructions of every loop pass), and the buffers in the application's source. A row is met, not met, or has no limit.
+Exit 1 where a limit is not met, but for that of board and buffers together.
 """
 
 import json
@@ -15,6 +16,9 @@ from functools import cache
 from pathlib import Path
 
 RAM_MUST, TEXT_MUST, PASS_MUST_MS = 96 * 1024, 64 * 1024, 2.0
+STACK_MUST = 8192 // 2
+"""Half of what the framework gives the task of the loop."""
+NOT_ENFORCED = "ram_together"
 CLOCK_HZ = 240e6
 CYCLES_PER_INSTRUCTION = 1.5
 """Assumed: taken branches, loads that are waited for and misses of the flash's cache, which QEMU does not have."""
@@ -31,6 +35,32 @@ def row(identifier: str, name: str, value: float, unit: str, must: float | None 
 
 def output_of(*command: str | Path) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout  # noqa: S603
+
+
+def memory_rows(board: int, source: Path) -> list[Row]:
+    """The buffers: what the drivers allocate at boot and the application holds, by the numbers in its source."""
+
+    def number(file: str, pattern: str) -> list[int]:
+        found = re.search(pattern, (source / file).read_text())
+        if found is None:
+            raise ValueError(f"{file}: no {pattern}")
+        return [int(group) for group in found.groups()]
+
+    each_sonar = sum(number("ports.cpp", r"kSonarBuffers\{(\d+), (\d+)\}"))
+    usb = sum(
+        number("usb_link.cpp", r"kReceiveBufferBytes = (\d+)") + number("usb_link.h", r"ByteRing<(\d+)> waiting_")
+    )
+    each_software = sum(
+        number("software_uart.cpp", r"kReceiveBufferBytes = (\d+)")
+        + number("software_uart.h", r"ByteRing<(\d+)> waiting_")
+    )
+    block = number("ports.h", r"block_\[(\d+)\]")[0]
+    buffers = 2 * each_sonar + usb + 3 * each_software + block
+    return [
+        row("ram_board", "RAM of one board, LX106", board, "B", RAM_MUST),
+        row("ram_buffers", "buffers of the ESP32's drivers and application", buffers, "B"),
+        row("ram_together", "board and buffers together", board + buffers, "B", RAM_MUST),
+    ]
 
 
 def text_rows(lx106: Path, esp32: Path) -> list[Row]:
@@ -129,8 +159,20 @@ def stack_rows(lx106: Path, esp32: Path, measured: dict[str, dict[str, int]]) ->
     return [
         row("stack_frame_lx106", "largest stack frame, LX106", max(graph.frames.values()), "B"),
         row("stack_frame_esp32", "largest stack frame, ESP32 (windowed)", max(entries), "B"),
-        row("stack_depth_lx106", "deepest chain of calls from tick(), by the call graph", graph.deepest(tick), "B"),
-        row("stack_seen_lx106", "deepest stack seen under QEMU", max(m["stack"] for m in measured.values()), "B"),
+        row(
+            "stack_depth_lx106",
+            "deepest chain of calls from tick(), by the call graph",
+            graph.deepest(tick),
+            "B",
+            STACK_MUST,
+        ),
+        row(
+            "stack_seen_lx106",
+            "deepest stack seen under QEMU",
+            max(m["stack"] for m in measured.values()),
+            "B",
+            STACK_MUST,
+        ),
     ]
 
 
@@ -171,20 +213,20 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def main(build: Path, target: Path) -> int:
+def main(build: Path, source: Path, target: Path) -> int:
     lx106, esp32 = build / "xtensa" / "lib", build / "xtensa" / "esp32"
     single, passes = read_measured(build / "xtensa" / "measured.txt")
     steps = single["steps_of_200000"] / CALIBRATION_INSTRUCTIONS
     rows = [
-        row("ram_board", "RAM of one board, LX106", single["board_bytes"], "B", RAM_MUST),
+        *memory_rows(single["board_bytes"], source),
         *text_rows(lx106, esp32),
         *stack_rows(lx106, esp32, passes),
         *pass_rows(passes, steps),
     ]
     target.write_text(json.dumps({"cycles_per_instruction": CYCLES_PER_INSTRUCTION, "rows": rows}, indent=1) + "\n")
     sys.stdout.write(table(rows) + "\n")
-    return 1 if any(each["met"] is False for each in rows) else 0
+    return 1 if any(each["met"] is False and each["id"] != NOT_ENFORCED for each in rows) else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2])))
+    sys.exit(main(*map(Path, sys.argv[1:])))

@@ -41,12 +41,23 @@ inline void require(bool holds) {
   }
 }
 
+// One AA55 frame of a type and a size that the board sends, with the right check.
+inline bool whole_frame_for_the_host(brov::Bytes frame) {
+  if (frame.size < 6 || frame.size > 518 || frame[0] != 0xAA || frame[1] != 0x55) return false;
+  const std::uint8_t type = frame[2];
+  if (!((type >= 0x01 && type <= 0x07) || type == 0x0B)) return false;
+  if (static_cast<std::size_t>(frame[3] << 8 | frame[4]) != frame.size - 6) return false;
+  std::uint8_t check = 0;
+  for (std::size_t i = 2; i < frame.size; ++i) check = static_cast<std::uint8_t>(check ^ frame[i]);
+  return check == 0;
+}
+
 // A machine nobody is connected to.
 template <typename Bus>
 class FuzzHal final : public brov::Hal {
  public:
   explicit FuzzHal(Bus& bus) : bus_(bus) {}
-  void link_write(brov::Bytes frame, std::uint64_t) override { require(frame.size <= 4102); }
+  void link_write(brov::Bytes frame, std::uint64_t) override { require(whole_frame_for_the_host(frame)); }
   std::uint32_t link_backlog(std::uint64_t) override { return backlog; }
   void link_set_baud(std::uint32_t baud, std::uint64_t) override { require(baud == 115200 || baud == 921600); }
   void port_write(brov::Port, brov::Bytes data, std::uint64_t) override { require(data.size > 0 && data.size <= 263); }
