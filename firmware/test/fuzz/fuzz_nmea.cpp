@@ -9,6 +9,8 @@ using namespace brov;
 
 namespace {
 
+constexpr std::uint16_t kUnknown = 0xFFFF;
+
 class CheckedReports final : public ReportSink {
  public:
   void imu_burst(std::uint32_t, std::uint32_t, const ImuSample*, std::uint8_t) override { require(false); }
@@ -16,10 +18,10 @@ class CheckedReports final : public ReportSink {
     require(report.fix == 0 || report.fix == 2 || report.fix == 3);
     require(report.latitude_e7 >= -900000000 && report.latitude_e7 <= 900000000);
     require(report.longitude_e7 >= -1800000000 && report.longitude_e7 <= 1800000000);
-    require(report.course_cdeg < 36000);
+    require(report.course_cdeg < 36000 || report.course_cdeg == kUnknown);
     require(report.utc_ms < 4102444800000u + 61000u);  // the end of 2099, with a leap second
     require(report.fix != 0 || (report.latitude_e7 == 0 && report.longitude_e7 == 0 && report.altitude_mm == 0 &&
-                                report.speed_cmps == 0 && report.course_cdeg == 0));
+                                report.speed_cmps == kUnknown && report.course_cdeg == kUnknown));
   }
 };
 
