@@ -25,7 +25,7 @@ std::size_t bytes_of(const std::vector<LinkFrame>& frames) {
   return sum;
 }
 
-// From when SENSORS was due (every half second, 50 ms after the board's start) to its first bit on the wire.
+// From the tick that made SENSORS to its first bit on the wire.
 std::uint64_t worst_lateness_us(const std::vector<LinkFrame>& sensors) {
   std::uint64_t worst_us = 0;
   for (std::size_t i = 1; i < sensors.size(); ++i) {
@@ -51,7 +51,8 @@ TEST_CASE("A board without any sensor starts and reports") {
   CHECK(esp32.status().reset_reason == 1);
   CHECK_FALSE(depth_ok(sensors.back()));
   CHECK(esp32.status().i2c_errors > 0);
-  CHECK(esp32.passes > 2500);  // a pass a millisecond
+  CHECK(esp32.passes > 2500);  // a pass a millisecond, and sleep in between
+  CHECK(esp32.passes < 3500);
   CHECK_FALSE(esp32.machine.watchdog_bites());
 }
 
@@ -266,7 +267,8 @@ TEST_CASE("What CONFIG set survives the power") {
 TEST_CASE("The line changes its rate between two frames, and back when nobody answers") {
   fake::Flash flash;
   Esp32 esp32(flash);
-  feed_pings(esp32.machine.uart(kSonarA), 1000, 10, 300000, 10);
+  // Enough for the fast line to be busy nearly always, so that the change back finds it busy too.
+  feed_pings(esp32.machine.uart(kSonarA), 3000, 20, 300000, 10);
   esp32.boot();
   esp32.run_for(1000000);
   esp32.command(0x22, config(5, {{4, 921600}}));
@@ -296,11 +298,13 @@ TEST_CASE("A full line: SENSORS first, no gap") {
   esp32.boot();
 
   SUBCASE("115200") {
+    esp32.run_until(400000);
+    esp32.command(0x22, config(1, {{1, 19130}}));  // SENSORS out of step with everything, and often
     esp32.run_until(8000000);
     const auto all = esp32.frames();
     // SENSORS waits for no more than one window of 230 bytes, and two of the system's ticks.
     CHECK(worst_lateness_us(esp32.frames(MessageType::kSensors)) < 22000);
-    CHECK(esp32.frames(MessageType::kSensors).size() == 16);
+    CHECK(esp32.frames(MessageType::kSensors).size() >= 145);
     std::vector<LinkFrame> later;
     for (const LinkFrame& frame : all) {
       if (frame.start_us >= 4000000) later.push_back(frame);
@@ -320,7 +324,7 @@ TEST_CASE("A full line: SENSORS first, no gap") {
     const brov::StatusFields early = esp32.status();
     esp32.run_until(8200000);
     const auto sensors = esp32.frames(MessageType::kSensors);
-    CHECK(worst_lateness_us({sensors.begin() + static_cast<std::ptrdiff_t>(before), sensors.end()}) < 8000);
+    CHECK(worst_lateness_us({sensors.begin() + static_cast<std::ptrdiff_t>(before), sensors.end()}) < 7000);
     const brov::StatusFields late = esp32.status();
     for (const std::size_t channel : {0u, 1u}) {
       CHECK(late.pings_dropped[channel] == early.pings_dropped[channel]);

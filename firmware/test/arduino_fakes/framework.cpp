@@ -67,7 +67,7 @@ esp_err_t uart_driver_install(uart_port_t number, int rx_buffer_size, int tx_buf
   return ESP_OK;
 }
 esp_err_t uart_param_config(uart_port_t number, const uart_config_t* config) {
-  uart(number).set_baud(static_cast<std::uint32_t>(config->baud_rate));
+  uart(number).set_baud(static_cast<std::uint32_t>(config->baud_rate), machine().now_us());
   return ESP_OK;
 }
 esp_err_t uart_set_pin(uart_port_t number, int tx, int rx, int, int) {
@@ -75,7 +75,7 @@ esp_err_t uart_set_pin(uart_port_t number, int tx, int rx, int, int) {
   return ESP_OK;
 }
 esp_err_t uart_set_baudrate(uart_port_t number, std::uint32_t baud) {
-  uart(number).set_baud(baud);
+  uart(number).set_baud(baud, machine().now_us());
   return ESP_OK;
 }
 esp_err_t uart_set_rx_full_threshold(uart_port_t number, int threshold) {
@@ -115,7 +115,7 @@ void EspSoftwareSerial::UART::begin(std::uint32_t baud, Config, std::int8_t rxPi
   fake::Uart& wires = machine().software_uart(rxPin);
   wires.install(static_cast<std::size_t>(bufCapacity), 0);
   wires.set_pins(rxPin, txPin);
-  wires.set_baud(baud);
+  wires.set_baud(baud, machine().now_us());
   wires.installed_on_core = machine().running().core;
 }
 int EspSoftwareSerial::UART::read(std::uint8_t* buffer, std::size_t size) {

@@ -22,6 +22,18 @@ void Uart::install(std::size_t receive_capacity, std::size_t transmit_capacity) 
   transmit_capacity_ = transmit_capacity;
 }
 
+void Uart::set_baud(std::uint32_t baud, std::uint64_t now_us) {
+  baud_ = baud;
+  std::size_t first = sent_.size() - in_fifo(now_us);
+  if (shifting(now_us)) --first;
+  if (first == sent_.size()) return;
+  free_ns_ = sent_[first].start_ns;
+  for (std::size_t i = first; i < sent_.size(); ++i) {
+    sent_[i] = {free_ns_, baud, sent_[i].value};
+    free_ns_ += byte_ns(baud);
+  }
+}
+
 void Uart::arrive(const std::vector<std::uint8_t>& bytes, std::uint64_t from_us, std::uint32_t baud) {
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     coming_.push_back({from_us * 1000 + i * byte_ns(baud), baud, bytes[i]});
@@ -167,7 +179,9 @@ void Machine::write_pin(int pin, bool high) {
   if (before == levels_.end() || before->second != high) edges_[pin].push_back({now_us_, high});
   const bool rises = before != levels_.end() && !before->second && high;
   levels_[pin] = high;
-  if (pin == brov::pins::kScl && rises && mode(pin) == OUTPUT_OPEN_DRAIN && clocks_to_free_ > 0) --clocks_to_free_;
+  // With SDA let go; the clock of a stop does not count.
+  const bool clocks = pin == brov::pins::kScl && rises && mode(pin) == OUTPUT_OPEN_DRAIN && levels_[brov::pins::kSda];
+  if (clocks && clocks_to_free_ > 0) --clocks_to_free_;
 }
 
 bool Machine::read_pin(int pin) const {

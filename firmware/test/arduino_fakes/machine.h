@@ -43,7 +43,8 @@ class Uart {
   // What the driver's functions do.
   void install(std::size_t receive_capacity, std::size_t transmit_capacity);
   void set_pins(int rx, int tx) { rx_pin = rx, tx_pin = tx; }
-  void set_baud(std::uint32_t baud) { baud_ = baud; }
+  // What is on its way when the rate changes goes on at the new one.
+  void set_baud(std::uint32_t baud, std::uint64_t now_us);
   std::size_t take(std::uint8_t* into, std::size_t most, std::uint64_t now_us);
   std::size_t room_in_fifo(std::uint64_t now_us) const { return kFifoBytes - in_fifo(now_us); }
   std::size_t in_fifo(std::uint64_t now_us) const;
