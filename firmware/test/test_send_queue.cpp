@@ -134,6 +134,7 @@ TEST_CASE("Nothing of a ping is given out before it is complete") {
 
 TEST_CASE("Too many waiting bytes: whole pings are dropped, the channels in turn, A first") {
   Queue queue;
+  queue.ping(Channel::kA, 9, {418});  // the next to go
   queue.ping(Channel::kA, 1, {418});
   queue.ping(Channel::kB, 2, {418});
   queue.ping(Channel::kA, 3, {418});
@@ -146,18 +147,19 @@ TEST_CASE("Too many waiting bytes: whole pings are dropped, the channels in turn
   queue.ping(Channel::kB, 7, {418});
   CHECK(queue.dropped(Channel::kA) == 2);
   CHECK(queue.dropped(Channel::kB) == 1);
-  CHECK(queue.take_all() == Names{4, 5, 6, 7});
+  CHECK(queue.take_all() == Names{9, 4, 5, 6, 7});
 }
 
 TEST_CASE("The other channel loses a ping where the one in turn has none, and that counts as its turn") {
   Queue queue;
+  queue.ping(Channel::kB, 9, {418});  // the next to go
   for (std::uint8_t i = 1; i <= 6; ++i) queue.ping(Channel::kB, i, {418});
   CHECK(queue.dropped(Channel::kB) == 2);
   queue.ping(Channel::kA, 7, {418});  // after a drop of B it is A's turn: its only one goes
   CHECK(queue.dropped(Channel::kA) == 1);
   queue.ping(Channel::kA, 8, {418});
   CHECK(queue.dropped(Channel::kB) == 3);
-  CHECK(queue.take_all() == Names{4, 5, 6, 8});
+  CHECK(queue.take_all() == Names{9, 4, 5, 6, 8});
 }
 
 TEST_CASE("A single waiting ping stays, however long it is") {
@@ -169,7 +171,7 @@ TEST_CASE("A single waiting ping stays, however long it is") {
 
 TEST_CASE("The limit follows the line: 15 % of its bytes per second") {
   Queue slow, fast;
-  for (std::uint8_t i = 1; i <= 8; ++i) {
+  for (std::uint8_t i = 0; i <= 8; ++i) {  // 0 is the next to go
     slow.ping(Channel::kA, i, {210}, kSlowLine);  // 216 bytes each: 8 are exactly 1728
     fast.ping(Channel::kA, i, {210}, kFastLine);
   }
@@ -178,6 +180,14 @@ TEST_CASE("The limit follows the line: 15 % of its bytes per second") {
   fast.ping(Channel::kA, 9, {210}, kFastLine);
   CHECK(slow.dropped(Channel::kA) == 1);
   CHECK(fast.dropped(Channel::kA) == 0);
+}
+
+TEST_CASE("Two pings that end together on an idle line both go, however long they are") {
+  Queue queue;
+  queue.ping(Channel::kA, 1, {500, 500});
+  queue.ping(Channel::kB, 2, {500, 500});
+  CHECK(queue.dropped(Channel::kA) + queue.dropped(Channel::kB) == 0);
+  CHECK(queue.take_all() == Names{1, 1, 2, 2});
 }
 
 TEST_CASE("The ping being sent is neither counted as waiting nor dropped") {

@@ -96,6 +96,8 @@ class SendQueue:
             self.pings_dropped[channel] += 1
             return
         self._pings.append(ping)
+        if self._sending is None:
+            self._sending = self._pings.popleft()
         limit = bytes_per_s * _PING_PERCENT // 100
         while len(self._pings) > 1 and sum(waiting.bytes for waiting in self._pings) > limit:
             self._drop_one()

@@ -72,6 +72,8 @@ void SendQueue::end_ping(std::uint32_t line_bytes_per_s) {
   }
   if (written_.frames == 0) return;
   store.ping(store.count++) = written_;
+  // Without the next one to go being safe, two pings that end together would cost one of them on an idle line.
+  sending_ = store_to_send();
   const std::uint32_t limit = line_bytes_per_s * kMaxWaitingPercent / 100;
   while (waiting(0) + waiting(1) > 1 && waiting_bytes() > limit) {
     const std::size_t turn = 1 - last_dropped_;

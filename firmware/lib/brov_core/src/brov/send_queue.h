@@ -114,7 +114,7 @@ class SendQueue {
   };
 
   void drop_oldest_other();
-  std::size_t waiting(std::size_t channel) const;  // pings of which no frame has been taken
+  std::size_t waiting(std::size_t channel) const;  // pings behind the one being sent
   std::uint32_t waiting_bytes() const;
   void drop_oldest_waiting(std::size_t channel);
   int store_to_send() const;
@@ -126,7 +126,7 @@ class SendQueue {
   std::array<Store, 2> stores_{};
   std::array<std::uint32_t, 2> pings_dropped_{{0, 0}}, lost_bytes_{{0, 0}};
 
-  int sending_ = kNone;  // the store whose first ping is partly handed over
+  int sending_ = kNone;  // the store whose first ping is the next to go, or partly handed over
   std::size_t writing_ = 0;
   Ping written_{};
   bool written_fits_ = false;
