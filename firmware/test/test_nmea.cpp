@@ -30,7 +30,7 @@ struct Gps {
   KeptReports reports;
 };
 
-// What a u-blox receiver with a fix says in one second; the checksums are the receiver's.
+// One second of a receiver with a fix, in the digits of u-blox, from a public manual; the checksums are the receiver's.
 const std::string kUblox =
     "$GPRMC,041845.00,A,3846.50323,N,12115.39233,W,0.264,,040814,,,A*67\r\n"
     "$GPVTG,,T,,M,0.264,N,0.488,K,A*27\r\n";

@@ -77,7 +77,7 @@ class VirtualEsp32:
             scenario.sensors_rate_mhz,
             scenario.imu_rate_mhz,
             scenario.decimation,
-            Coding.PEAK if scenario.coding == "peak" else Coding.MEAN,
+            Coding[scenario.coding.upper()],
         )
         self._timeline = Timeline()
         self._wire = PacedWire(baud, self._rate)

@@ -24,7 +24,7 @@ def tsys01_prom_ok(prom: Sequence[int]) -> bool:
 def tsys01_temperature_degc(prom: Sequence[int], adc24: int) -> float:
     """The datasheet's polynomial in the firmware's order of operations.
 
-    Check: 28446 24926 36016 32791 40781 and 9378708 -> 10.58 degC.
+    Check: 28446 24926 36016 32791 40781 and a = 36636 -> 10.59 degC.
     """
     a = adc24 / 256.0
     t = -2e-21 * prom[1]

@@ -10,7 +10,7 @@ bool tsys01_prom_ok(const std::uint16_t (&prom)[8]);
 
 // a = adc24 / 256, k4..k0 = prom[1]..prom[5], in this order of operations:
 //   (((-2e-21 k4 a + 4e-16 k3) a + -2e-11 k2) a + 1e-6 k1) a + -1.5e-2 k0
-// Check: 28446 24926 36016 32791 40781 and adc24 9378708: 10.58 degC.
+// Check: 28446 24926 36016 32791 40781 and a = 36636: 10.59 degC.
 double tsys01_temperature_degc(const std::uint16_t (&prom)[8], std::uint32_t adc24);
 
 class Tsys01 {
