@@ -64,10 +64,10 @@ test-browser:
 	$(BIN)/pytest -m "browser and not long" tests/browser
 
 firmware: ## the board's own program for this machine: firmware/build/brov-firmware
-	$(MAKE) -C firmware native
+	$(MAKE) -s -j2 -C firmware native
 
 firmware-test: setup ## the firmware's core under sanitizers, with the same bytes as Python's, and as Xtensa code
-	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -j2 -C firmware native test; \
+	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -s -j2 -C firmware native test; \
 	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
 	$(BIN)/pytest -n 2 -m "not long" tests/firmware
 	firmware/xtensa/try_all
