@@ -162,6 +162,16 @@ TEST_CASE("The other channel loses a ping where the one in turn has none, and th
   CHECK(queue.take_all() == Names{9, 4, 5, 6, 8});
 }
 
+TEST_CASE("After one drop of B for want of A it is A's turn still") {
+  Queue queue;
+  queue.ping(Channel::kB, 9, {418});  // the next to go
+  for (std::uint8_t i = 1; i <= 5; ++i) queue.ping(Channel::kB, i, {418});
+  CHECK(queue.dropped(Channel::kB) == 1);
+  queue.ping(Channel::kA, 6, {418});
+  CHECK(queue.dropped(Channel::kA) == 1);
+  CHECK(queue.dropped(Channel::kB) == 1);
+}
+
 TEST_CASE("A single waiting ping stays, however long it is") {
   Queue queue;
   queue.ping(Channel::kA, 1, {500, 500, 500, 500});
