@@ -88,7 +88,7 @@ TEST_CASE("Eight commands may wait for an answer, for 300 ms, each sonar by itse
   for (std::uint8_t i = 1; i <= 9; ++i) rig.command(0x20, kogger_command(i, inner));
   rig.command(0x21, kogger_command(10, inner));
   rig.run_for(1000);
-  CHECK(acks(rig).size() == 10);
+  REQUIRE(acks(rig).size() == 10);
   CHECK(acks(rig)[7] == Ack{0x20, 8, 0});
   CHECK(acks(rig)[8] == Ack{0x20, 9, 4});
   CHECK(acks(rig)[9] == Ack{0x21, 10, 0});
