@@ -194,10 +194,10 @@ TEST_CASE("The limit follows the line: 15 % of its bytes per second") {
 
 TEST_CASE("Two pings that end together on an idle line both go, however long they are") {
   Queue queue;
-  queue.ping(Channel::kA, 1, {500, 500});
-  queue.ping(Channel::kB, 2, {500, 500});
+  queue.ping(Channel::kA, 1, {500, 500, 500, 500});
+  queue.ping(Channel::kB, 2, {500, 500, 500, 500});  // 2024 bytes wait, more than the limit
   CHECK(queue.dropped(Channel::kA) + queue.dropped(Channel::kB) == 0);
-  CHECK(queue.take_all() == Names{1, 1, 2, 2});
+  CHECK(queue.take_all() == Names{1, 1, 1, 1, 2, 2, 2, 2});
 }
 
 TEST_CASE("The ping being sent is neither counted as waiting nor dropped") {
