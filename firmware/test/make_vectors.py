@@ -95,7 +95,7 @@ struct Bundle {
   std::uint8_t decimation, coding;
   std::size_t payload_limit;
   std::vector<Chunk> chunks;
-  std::vector<const char*> payloads;
+  std::vector<const char*> payloads, frames;
 };
 
 """
@@ -216,6 +216,7 @@ def bundles(vectors):
                     str(bundle["payload_limit"]),
                     braced(chunks),
                     braced(map(text, bundle["payloads"])),
+                    braced(map(text, bundle["frames"])),
                 )
             )
         )

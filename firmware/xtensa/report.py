@@ -19,6 +19,8 @@ RAM_MUST, TEXT_MUST, PASS_MUST_MS = 96 * 1024, 64 * 1024, 2.0
 STACK_MUST = 8192 // 2
 """Half of what the framework gives the task of the loop."""
 NOT_ENFORCED = "ram_together"
+SLOW_CODING = "_coded"
+"""Not the default, because it takes longer: docs/decisions/0005."""
 CLOCK_HZ = 240e6
 CYCLES_PER_INSTRUCTION = 1.5
 """Assumed: taken branches, loads that are waited for and misses of the flash's cache, which QEMU does not have."""
@@ -194,7 +196,7 @@ def pass_rows(passes: dict[str, dict[str, int]], steps: float) -> list[Row]:
         worst = round(measured["worst"] / steps)
         milliseconds = worst * CYCLES_PER_INSTRUCTION / CLOCK_HZ * 1e3
         mean = round(measured["sum"] / steps / measured["count"])
-        must = PASS_MUST_MS if name.startswith("full_rate") else None
+        must = PASS_MUST_MS if name.startswith("full_rate") and not name.endswith(SLOW_CODING) else None
         label = name.replace("_", " ")
         rows += [
             row(f"pass_mean_{name}", f"mean pass, {label}", mean, "instructions"),

@@ -218,9 +218,11 @@ int check_bundles() {
     BundlePacker packer(static_cast<Channel>(vector.channel), vector.decimation, static_cast<Coding>(vector.coding),
                         vector.payload_limit, payloads);
     packer.begin(vector.ping_number, vector.t_us, vector.version, vector.mark);
-    for (const auto& chunk : vector.chunks) {
-      const Unhexed samples(chunk.samples);
-      packer.add({chunk.seq_offset, chunk.resolution_mm, chunk.first_sample, samples.view()});
+    std::vector<Unhexed> samples;  // they outlive the chunks, of which the packer keeps views
+    for (const auto& chunk : vector.chunks) samples.emplace_back(chunk.samples);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const auto& chunk = vector.chunks[i];
+      packer.add({chunk.seq_offset, chunk.resolution_mm, chunk.first_sample, samples[i].view()});
     }
     packer.end();
     table.vector(payloads.right());

@@ -275,9 +275,10 @@ def test_a_rate_that_nobody_confirms_is_taken_back_at_the_same_tick(rigs: Callab
         ({"uptime_s": 4_294_960.0, "coding": "peak"}, 115_200),  # ts wraps on the way
         ({"samples": 3_000, "resolution_mm": 10, "decimation": 3}, 921_600),
         ({"samples": 77, "decimation": 8, "ping_period_ms": 10, "clock_drift_ppm": -80.0}, 115_200),
+        ({"coding": "coded", "dual_channel_a": True}, 115_200),
         ({"samples": 5_000, "resolution_mm": 1, "sensors_rate_mhz": 20_000, "imu_rate_mhz": 1_000}, 115_200),
     ],
-    ids=["late timer", "fast line", "short pings", "long pings"],
+    ids=["late timer", "fast line", "short pings", "coded pings", "long pings"],
 )
 def test_other_settings_give_the_same_bytes_too(
     changes: dict[str, float | str], baud: int, rigs: Callable[..., Rig]

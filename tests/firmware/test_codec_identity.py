@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bluerov_slam.protocol import kogger_coded
 from bluerov_slam.protocol.checksums import kogger_mod255
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType, encode_frame
 from bluerov_slam.protocol.kogger_bundle import BundlePacker, Coding
@@ -90,6 +91,11 @@ def bb55_auto() -> Iterator[Filter]:
 @pytest.fixture(scope="module")
 def packer() -> Iterator[Filter]:
     yield from running("bundle", "packed")
+
+
+@pytest.fixture(scope="module")
+def decoder() -> Iterator[Filter]:
+    yield from running("coded", "")
 
 
 class Aa55Reference:
@@ -333,13 +339,16 @@ def random_chunks(rng: random.Random) -> list[ChartChunk]:
         samples = rng.randbytes(rng.choice(sizes))
         if rng.random() < 0.2:
             samples = bytes(rng.choices((0, 1, 254, 255), k=len(samples)))  # where rounding and overflow show
+        elif rng.random() < 0.5:
+            level = rng.choice((2, 20, 100, 200))  # as echoes are
+            samples = bytes(min(255, int(level * rng.weibullvariate(1.0, 2.0))) for _ in samples)
         chunks.append(ChartChunk(seq_offset, rng.choice((1, 20, 65_535)), rng.choice((0, 50, 65_535)), samples))
         seq_offset += len(samples) + rng.choice((0, 0, 0, 100))
     return chunks
 
 
 @pytest.mark.parametrize("version", [0, 1])
-@pytest.mark.parametrize("coding", [Coding.MEAN, Coding.PEAK])
+@pytest.mark.parametrize("coding", list(Coding))
 @pytest.mark.parametrize("decimation", range(1, 9))
 def test_bundles(packer: Filter, decimation: int, coding: Coding, version: int) -> None:
     rng = random.Random(decimation * 100 + coding * 10 + version)
@@ -355,3 +364,31 @@ def test_bundles(packer: Filter, decimation: int, coding: Coding, version: int) 
             header = chunk.seq_offset, chunk.resolution_mm, chunk.first_sample, len(chunk.samples)
             message += struct.pack("<4H", *header) + chunk.samples
         assert packer.answer(message) == [*(payload.hex() for payload in payloads), "packed"]
+
+
+def assert_decoded_alike(decoder: Filter, code: bytes, count: int) -> bool:
+    """Whether it is a code at all."""
+    expected = kogger_coded.decode(code, count)
+    assert decoder.answer(struct.pack("<H", count) + code) == ["none" if expected is None else expected.tobytes().hex()]
+    return expected is not None
+
+
+def test_codes_are_decoded_alike(decoder: Filter) -> None:
+    rng = random.Random(1)
+    codes = 0
+    for _ in range(400):
+        size, count = rng.randint(16, 503), rng.randint(1, 2000)
+        if count > 8 * size - 15:
+            continue
+        spread = rng.choice((3, 60, 256))
+        code = bytearray(kogger_coded.encode(bytes(rng.randrange(spread) for _ in range(count)), size))
+        assert assert_decoded_alike(decoder, bytes(code), count)
+        for _ in range(4):
+            code[rng.randrange(size)] ^= 1 << rng.randrange(8)
+            codes += assert_decoded_alike(decoder, bytes(code), count + rng.choice((0, 0, 0, 1, -1)))
+    assert codes > 100
+
+
+@given(st.binary(max_size=80), st.integers(0, 700))
+def test_any_bytes_are_decoded_alike(decoder: Filter, code: bytes, count: int) -> None:
+    assert_decoded_alike(decoder, code, count)

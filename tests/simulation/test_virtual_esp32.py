@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from bluerov_slam.pipeline.link_decoder import LinkDecoder
 from bluerov_slam.protocol.esp32_messages import (
     ConfigKey,
     Esp32FrameDecoder,
@@ -20,7 +21,7 @@ from bluerov_slam.protocol.esp32_messages import (
 from bluerov_slam.protocol.kogger_bundle import Bundle, expand
 from bluerov_slam.protocol.kogger_frame import FrameType, KoggerFrameDecoder, KoggerId, build_frame
 from bluerov_slam.protocol.sensor_frame import SensorFields, unpack_sensors
-from bluerov_slam.records import AckResult, Channel
+from bluerov_slam.records import AckResult, Channel, Ping
 from bluerov_slam.simulation.boot_text import PROBE_BYTES
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS, Scenario
@@ -411,3 +412,16 @@ def test_a_fault_added_late_starts_at_once_and_lasts_its_time() -> None:
     values = [field.depth_ok for field in sensors(run(board, 9.0))]
     assert values[:4] == [1, 1, 0, 0]  # a reading counts for a second
     assert values[5:] == [1, 1, 1]
+
+
+@pytest.mark.parametrize("coding", ["mean", "peak", "coded"])
+def test_pings_travel_in_the_coding_of_the_scenario(coding: str) -> None:
+    board = VirtualEsp32(replace(UNDER_WAY, coding=coding))
+    decoder = LinkDecoder()
+
+    pings = [record for record in decoder.feed(board.advance(2.0), 2.0) if isinstance(record, Ping)]
+
+    assert decoder.counters.unknown_layouts == 0
+    assert {sonar.coding for sonar in decoder.counters.sonars.values()} == {coding}
+    assert len(pings) > 10
+    assert {ping.samples.size for ping in pings if not ping.gaps} == {1000}

@@ -11,6 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Settings settings;
   settings.baud = (input.byte() & 1) != 0 ? 115200 : 921600;
   settings.decimation = static_cast<std::uint8_t>(1 + input.byte() % 8);
+  settings.coding = static_cast<Coding>(input.byte() % 3);
   const std::uint64_t boot_us = (input.byte() & 1) != 0 ? 0 : (std::uint64_t{1} << 32) - 1000000;
   Board board(hal, settings, {boot_us, 1, 1});
   std::uint64_t now_us = boot_us;

@@ -1,16 +1,18 @@
 // Runs the core's codecs on bytes from stdin, so that pytest can compare them with Python's:
 //
-//     codec_filter aa55 | bb55 | bb55-auto | bundle
+//     codec_filter aa55 | bb55 | bb55-auto | bundle | coded
 //
 // stdin is messages, each a u32 length and that many bytes; every message is answered and flushed.
 // Framers: a message is one block of the stream (length 0xFFFFFFFF, no bytes: begin a new stream); the answer is one line
 // for each frame, then `fed` and the counters. bundle: a message is one ping; the answer is its payloads, then `packed`.
+// coded: a message is a u16 count of samples and a code; the answer is the samples, or `none`.
 #include <cstdio>
 #include <cstring>
 #include <vector>
 
 #include "brov/aa55.h"
 #include "brov/bundle.h"
+#include "brov/coded.h"
 #include "brov/kogger_framer.h"
 #include "hex.h"
 
@@ -100,6 +102,20 @@ int run_bundle() {
   return 0;
 }
 
+int run_coded() {
+  std::uint32_t length = 0;
+  Buffer message;
+  while (read_message(length, message)) {
+    // Copies of the exact size, so that the sanitizers see every step beyond it.
+    const Buffer code(message.begin() + 2, message.end());
+    Buffer samples(get_u16(message.data()));
+    const bool decoded = decode_samples(view(code), samples.data(), samples.size());
+    std::printf("%s\n", decoded ? to_hex(view(samples)).c_str() : "none");
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -108,6 +124,7 @@ int main(int argc, char** argv) {
   if (std::strcmp(codec, "bb55") == 0) return run_framer<Bb55<KoggerChecksum::kMod256>>();
   if (std::strcmp(codec, "bb55-auto") == 0) return run_framer<Bb55<KoggerChecksum::kAuto>>();
   if (std::strcmp(codec, "bundle") == 0) return run_bundle();
-  std::fprintf(stderr, "usage: codec_filter aa55 | bb55 | bb55-auto | bundle\n");
+  if (std::strcmp(codec, "coded") == 0) return run_coded();
+  std::fprintf(stderr, "usage: codec_filter aa55 | bb55 | bb55-auto | bundle | coded\n");
   return 2;
 }

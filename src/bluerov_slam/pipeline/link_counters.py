@@ -11,9 +11,9 @@ from bluerov_slam.records import Channel, LinkCounters, Sender
 class SonarCounters:
     """One sonar since the decoder was made; what is not known yet is None.
 
-    `coding` is how its amplitudes travel: "raw", "mean" or "peak". `gap_samples` counts samples that never arrived
-    inside emitted pings, `pings_missed` whole pings by the firmware's own numbering, `chunks_rejected` chunks that
-    cannot belong to any ping.
+    `coding` is how its amplitudes travel: "raw", "mean", "peak" or "coded". `gap_samples` counts samples that never
+    arrived inside emitted pings, `pings_missed` whole pings by the firmware's own numbering, `chunks_rejected` chunks
+    that cannot belong to any ping.
     """
 
     bytes: int = 0

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bluerov_slam.protocol.kogger_frame import ChecksumChoice
     from bluerov_slam.records import Channel, Record
 
-_CODING_NAMES = {Coding.MEAN: "mean", Coding.PEAK: "peak"}
+_CODING_NAMES = {Coding.MEAN: "mean", Coding.PEAK: "peak", Coding.CODED: "coded"}
 
 
 class SonarChannel:

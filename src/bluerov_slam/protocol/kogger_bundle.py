@@ -1,12 +1,15 @@
 """KOGGER_COMPRESSED (AA55 type 0x04): several decimated chart chunks of one ping in one payload, and back.
 
     u8 channel | u8 flags | u8 decimation | u8 chunk count | u8 ping number | u32 t_us of the ping's first byte
-    flags: bits 0-1 coding (0 mean, 1 peak, 2 reserved), 2-4 chart version (0 or 1), 5 MARK seen, 6 last of this ping
+    flags: bits 0-1 coding (0 mean, 1 peak, 2 coded), 2-4 chart version (0 or 1), 5 MARK seen, 6 last of this ping
     chunk: u16 seqOffset | u16 sampleResol | u16 absOffset | u8 samples before decimation | decimated bytes
 
 Offsets and counts are those of the chart frame before decimation, so that KoggerApp and the viewer need not know: every
 decimated sample is held over the samples it stands for. Version 1 charts alternate between two sub-channels; each is
 decimated by itself and the results alternate again.
+
+Coded payloads have the same sizes, but their chunks' bytes, joined, are one code of all their samples
+(`kogger_coded`), which brings each sample back by itself.
 """
 
 from __future__ import annotations
@@ -15,10 +18,12 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bluerov_slam.protocol import kogger_coded
 from bluerov_slam.protocol.checksums import kogger_mod256_rows
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, FrameType, KoggerId
 from bluerov_slam.protocol.ping_assembly import MAX_PING_BYTES, ChartChunk
@@ -39,11 +44,16 @@ _LAST_BIT = 1 << 6
 _RESERVED_BIT = 1 << 7
 
 
+_PAIRS_FROM_DECIMATION = 6
+"""From here on there are too few bits for every sample: pairs of them are coded."""
+
+
 class Coding(IntEnum):
-    """How the samples of one decimation group became one byte."""
+    """How samples became bytes: one for each decimation group, or a code of the same size."""
 
     MEAN = 0
     PEAK = 1
+    CODED = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +85,18 @@ def expand(payload: bytes) -> Bundle | UnknownLayout:
         return UnknownLayout(f"{len(payload)} bytes, expected at least {_HEADER.size}")
     channel, flags, decimation, count, ping_number, t_us = _HEADER.unpack_from(payload)
     version, coding = flags >> 2 & 7, flags & 3
-    if channel > 1 or coding > Coding.PEAK or version > 1 or flags & _RESERVED_BIT:
+    if channel > 1 or coding > Coding.CODED or version > 1 or flags & _RESERVED_BIT:
         return UnknownLayout(f"channel {channel}, flags 0x{flags:02x}")
     if not 1 <= decimation <= MAX_DECIMATION or not count:
         return UnknownLayout(f"decimation {decimation}, {count} chunks")
     parsed = _parse_chunks(payload, count, decimation, version)
     if isinstance(parsed, UnknownLayout):
         return parsed
+    samples = _rebuilt(payload, parsed, decimation, Coding(coding), version)
+    if samples is None:
+        return UnknownLayout(f"the code of {count} chunks does not add up")
     mark = bool(flags & _MARK_BIT)
-    frames = _chart_frames(payload, parsed, decimation, version, mark)
+    frames = _chart_frames(parsed, samples, version, mark)
     return Bundle(
         _CHANNELS[channel],
         Coding(coding),
@@ -128,24 +141,68 @@ def _parse_chunks(payload: bytes, count: int, decimation: int, version: int) -> 
     return parsed
 
 
-def _chart_frames(
-    payload: bytes, parsed: list[_ParsedChunk], decimation: int, version: int, mark: bool
-) -> tuple[bytes, ...]:
-    """BB55 chart frames of the held samples, the checksums of all of them in one go."""
-    mode = FrameType.CONTENT | version << 3 | mark << 6
+def _rebuilt(
+    payload: bytes, parsed: list[_ParsedChunk], decimation: int, coding: Coding, version: int
+) -> list[NDArray[np.uint8]] | None:
+    """The samples of each chunk, as many as the sonar sent; None if they are coded and the code is none."""
+    if _is_coded(coding, decimation, sum(end - start for *_, start, end in parsed)):
+        code = b"".join([payload[start:end] for *_, start, end in parsed])
+        return _decoded(code, [chunk[3] for chunk in parsed], _coded_group(decimation), version)
     data = np.frombuffer(payload, np.uint8)
+    return [hold(data[start:end], samples, decimation, version) for *_, samples, start, end in parsed]
+
+
+def _is_coded(coding: Coding, decimation: int, size: int) -> bool:
+    """Whether chunks that hold `size` bytes together hold a code; if not, coded ones hold means."""
+    return coding is Coding.CODED and decimation > 1 and size >= kogger_coded.MIN_CODE_BYTES
+
+
+def _coded_group(decimation: int) -> int:
+    return 2 if decimation >= _PAIRS_FROM_DECIMATION else 1
+
+
+def _code(parts: list[bytes], size: int, group: int, version: int) -> bytes:
+    """The samples of all chunks in `size` bytes: one sub-channel behind the other."""
+    values = [decimate(part, group, Coding.MEAN, version) for part in parts]
+    channels = 1 if version == 0 else 2
+    ordered = [value[channel::channels] for channel in range(channels) for value in values]
+    return kogger_coded.encode(b"".join(ordered), size)
+
+
+def _decoded(code: bytes, sizes: list[int], group: int, version: int) -> list[NDArray[np.uint8]] | None:
+    """Undo `_code` for chunks of these sample counts."""
+    counts = [_decimated_size(samples, group, version) for samples in sizes]
+    ordered = kogger_coded.decode(code, sum(counts))
+    if ordered is None:
+        return None
+    channels = 1 if version == 0 else 2
+    values = [np.empty(count, np.uint8) for count in counts]
+    at = 0
+    for channel in range(channels):
+        for value in values:
+            own = value[channel::channels]
+            own[:] = ordered[at : at + own.size]
+            at += own.size
+    return [hold(value, samples, group, version) for value, samples in zip(values, sizes, strict=True)]
+
+
+def _chart_frames(
+    parsed: list[_ParsedChunk], samples: list[NDArray[np.uint8]], version: int, mark: bool
+) -> tuple[bytes, ...]:
+    """BB55 chart frames of the rebuilt samples, the checksums of all of them in one go."""
+    mode = FrameType.CONTENT | version << 3 | mark << 6
     width = _CHART_FRAME.size + max([chunk[3] for chunk in parsed])
     # Rows end together, because a byte's weight in the second sum is its distance from the end; zeros weigh nothing.
     backing = bytearray(len(parsed) * width)
     rows = np.frombuffer(backing, np.uint8).reshape(len(parsed), width)
     spans = []
-    for index, (seq_offset, resolution_mm, first_sample, samples, start, end) in enumerate(parsed):
+    for index, (seq_offset, resolution_mm, first_sample, count, _, _) in enumerate(parsed):
         row_end = (index + 1) * width
-        head = row_end - samples - _CHART_FRAME.size
+        head = row_end - count - _CHART_FRAME.size
         _CHART_FRAME.pack_into(
-            backing, head, 0, mode, KoggerId.CHART, samples + 6, seq_offset, resolution_mm, first_sample
+            backing, head, 0, mode, KoggerId.CHART, count + 6, seq_offset, resolution_mm, first_sample
         )
-        rows[index, width - samples :] = hold(data[start:end], samples, decimation, version)
+        rows[index, width - count :] = samples[index]
         spans.append((head, row_end))
     checks = kogger_mod256_rows(rows).tobytes()
     return tuple(
@@ -219,7 +276,7 @@ class BundlePacker:
         self.coding = coding
         self.payload_limit = payload_limit
         self._ping: tuple[int, int, int, bool] | None = None
-        self._chunks: list[bytes] = []
+        self._chunks: list[ChartChunk] = []
         self._size = _HEADER.size
 
     def begin(self, ping_number: int, t_us: int, *, version: int = 0, mark: bool = False) -> None:
@@ -234,17 +291,18 @@ class BundlePacker:
         if chunk.seq_offset + len(chunk.samples) >= MAX_PING_BYTES:
             return payloads
         for piece in self._pieces(chunk):
-            if self._chunks and self._size + len(piece) > self.payload_limit:
+            size = _CHUNK.size + _decimated_size(len(piece.samples), self.decimation, self._version)
+            if self._chunks and self._size + size > self.payload_limit:
                 payloads.append(self._payload(last=False))
             self._chunks.append(piece)
-            self._size += len(piece)
+            self._size += size
         return payloads
 
     def end(self) -> list[bytes]:
         """The ping is over: the payload that carries its last chunks, flagged as last."""
         return [self._payload(last=True)] if self._chunks else []
 
-    def _pieces(self, chunk: ChartChunk) -> Iterable[bytes]:
+    def _pieces(self, chunk: ChartChunk) -> Iterable[ChartChunk]:
         version = self._version
         group = self.decimation * (2 if version == 1 else 1)
         room = (self.payload_limit - _HEADER.size - _CHUNK.size) * self.decimation // group * group
@@ -253,9 +311,7 @@ class BundlePacker:
         if size <= MAX_CHUNK_SAMPLES and _decimated_size(size, self.decimation, version) * self.decimation <= room:
             most = size
         for start in range(0, size, most):
-            part = chunk.samples[start : start + most]
-            header = _CHUNK.pack(chunk.seq_offset + start, chunk.resolution_mm, chunk.first_sample, len(part))
-            yield header + decimate(part, self.decimation, self.coding, version)
+            yield chunk._replace(seq_offset=chunk.seq_offset + start, samples=chunk.samples[start : start + most])
 
     @property
     def _version(self) -> int:
@@ -264,11 +320,22 @@ class BundlePacker:
     def _payload(self, *, last: bool) -> bytes:
         ping_number, t_us, version, mark = self._ping or (0, 0, 0, False)
         flags = self.coding | version << 2 | mark * _MARK_BIT | last * _LAST_BIT
-        header = _HEADER.pack(self.channel.index, flags, self.decimation, len(self._chunks), ping_number, t_us)
-        payload = header + b"".join(self._chunks)
+        payload = _HEADER.pack(self.channel.index, flags, self.decimation, len(self._chunks), ping_number, t_us)
+        for chunk, data in zip(self._chunks, self._data(version), strict=True):
+            payload += _CHUNK.pack(*chunk[:3], len(chunk.samples)) + data
         self._chunks = []
         self._size = _HEADER.size
         return payload
+
+    def _data(self, version: int) -> list[bytes]:
+        """What each chunk of the payload holds."""
+        parts = [chunk.samples for chunk in self._chunks]
+        size = self._size - _HEADER.size - len(parts) * _CHUNK.size
+        if not _is_coded(self.coding, self.decimation, size):
+            return [decimate(part, self.decimation, self.coding, version) for part in parts]
+        code = _code(parts, size, _coded_group(self.decimation), version)
+        sizes = (_decimated_size(len(part), self.decimation, version) for part in parts)
+        return [code[start:end] for start, end in pairwise(accumulate(sizes, initial=0))]
 
 
 def compress_ping(

@@ -98,7 +98,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "uptime_s": (0.0, 5.0e6),
     "boot_count": (0, 65_535),
 }
-_CHOICES = {"checksum_a": ("mod256", "mod255"), "checksum_b": ("mod256", "mod255"), "coding": ("mean", "peak")}
+_CHOICES = {"checksum_a": ("mod256", "mod255"), "checksum_b": ("mod256", "mod255"), "coding": ("mean", "peak", "coded")}
 
 
 def scenario_from_mapping(values: Mapping[str, object]) -> Scenario:

@@ -1,10 +1,13 @@
 #include "brov/bundle.h"
 
+#include "brov/coded.h"
+
 namespace brov {
 namespace {
 
 constexpr std::size_t kHeader = 9, kChunkHeader = 7;
 constexpr std::size_t kMaxChunkSamples = 249;  // LENGTH 255 less the six header bytes of a chart
+constexpr std::uint8_t kPairsFromDecimation = 6;  // too few bits for every sample: pairs of them are coded
 constexpr unsigned kMarkBit = 1 << 5, kLastBit = 1 << 6;
 
 constexpr std::size_t divided_up(std::size_t count, std::size_t by) { return (count + by - 1) / by; }
@@ -85,16 +88,33 @@ void BundlePacker::piece(std::uint16_t seq_offset, const ChartChunk& chunk, Byte
   put_u16(at + 2, chunk.resolution_mm);
   put_u16(at + 4, chunk.first_sample);
   at[6] = static_cast<std::uint8_t>(part.size);
-  decimate(part, decimation_, coding_, version_, at + kChunkHeader);
+  if (!coded()) decimate(part, decimation_, coding_, version_, at + kChunkHeader);
+  parts_[chunks_++] = part;
   size_ += size;
-  ++chunks_;
 }
 
 void BundlePacker::end() {
   if (chunks_ != 0) flush(true);
 }
 
+void BundlePacker::fill_coded() {
+  std::uint8_t code[kPayloadLimitFast];
+  const std::size_t size = size_ - kHeader - chunks_ * kChunkHeader;
+  const bool means = size < kMinCodeBytes;
+  if (!means) encode_samples({parts_, chunks_, version_, decimation_ >= kPairsFromDecimation}, code, size);
+  const std::uint8_t* from = code;
+  std::uint8_t* at = payload_ + kHeader;
+  for (std::size_t chunk = 0; chunk < chunks_; ++chunk) {
+    at += kChunkHeader;
+    if (means) decimate(parts_[chunk], decimation_, Coding::kMean, version_, at);
+    for (std::size_t left = decimated_size(parts_[chunk].size, decimation_, version_); left != 0; --left, ++at) {
+      if (!means) *at = *from++;
+    }
+  }
+}
+
 void BundlePacker::flush(bool last) {
+  if (coded()) fill_coded();
   const unsigned flags = static_cast<unsigned>(coding_) | static_cast<unsigned>(version_) << 2 |
                          (mark_ ? kMarkBit : 0) | (last ? kLastBit : 0);
   payload_[0] = static_cast<std::uint8_t>(channel_);

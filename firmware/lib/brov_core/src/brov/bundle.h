@@ -1,4 +1,4 @@
-// KOGGER_COMPRESSED: decimated chart chunks of one ping in payloads of limited size. docs/protocol.md section 3.
+// KOGGER_COMPRESSED: decimated or coded chart chunks of one ping in payloads of limited size. docs/protocol.md section 3.
 #pragma once
 
 #include "brov/bytes.h"
@@ -16,11 +16,12 @@ struct ChartChunk {
   Bytes samples;
 };
 
-// Groups of `decimation` samples, 1 to 8, to one byte each; version 1 alternates two sub-channels. Returns the bytes written.
+// Groups of `decimation` samples, 1 to 8, to one byte each, the mean unless it is to be the peak; version 1 alternates
+// two sub-channels. Returns the bytes written.
 std::size_t decimate(Bytes samples, std::uint8_t decimation, Coding coding, std::uint8_t version, std::uint8_t* into);
 
-// One ping's payloads, chunk by chunk: begin(), then add() and end(), which hand each full payload to `sink`.
-// payload_limit: at most kPayloadLimitFast.
+// One ping's payloads, chunk by chunk: begin(), then add() and end(), which hand each full payload to `sink`. The samples
+// of the chunks must stay where they are until end(). payload_limit: at most kPayloadLimitFast.
 class BundlePacker {
  public:
   class Sink {
@@ -38,7 +39,11 @@ class BundlePacker {
 
  private:
   void piece(std::uint16_t seq_offset, const ChartChunk& chunk, Bytes part);
+  bool coded() const { return coding_ == Coding::kCoded && decimation_ > 1; }
+  void fill_coded();
   void flush(bool last);
+
+  static constexpr std::size_t kMaxChunks = (kPayloadLimitFast - 9) / 8;  // of one byte each
 
   Channel channel_;
   std::uint8_t decimation_;
@@ -50,6 +55,7 @@ class BundlePacker {
   bool mark_ = false;
   std::size_t size_ = 0;
   std::uint8_t payload_[kPayloadLimitFast];
+  Bytes parts_[kMaxChunks];
 };
 
 }  // namespace brov
