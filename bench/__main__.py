@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-MODULES = ("decode", "live", "fanout", "recording", "memory")
+MODULES = ("decode", "coding", "live", "fanout", "recording", "memory")
 RESULTS = Path(__file__).parent / "results.json"
 
 

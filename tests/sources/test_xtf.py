@@ -7,14 +7,15 @@ import pytest
 
 from bluerov_slam.errors import ConfigError
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType
-from bluerov_slam.protocol.kogger_bundle import Bundle, expand
+from bluerov_slam.protocol.kogger_bundle import Bundle, Coding, compress_ping, expand
+from bluerov_slam.protocol.ping_assembly import ChartChunk
 from bluerov_slam.protocol.sensor_frame import unpack_sensors
 from bluerov_slam.records import Channel
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.scene import RecordedScene, RecordedSurvey
 from bluerov_slam.simulation.sonar import PORT, STARBOARD
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
-from bluerov_slam.sources.xtf import read_xtf
+from bluerov_slam.sources.xtf import read_sides, read_xtf
 from real_data import recording
 
 
@@ -51,6 +52,35 @@ def test_both_sides_run_from_near_to_far(wreck: RecordedSurvey) -> None:
     for side in (wreck.port, wreck.starboard):
         near, far = side[40:80, 60:250].mean(), side[40:80, 500:].mean()
         assert near < 0.25 * far
+
+
+@pytest.mark.data
+def test_reads_the_recorders_own_amplitudes_too(wreck: RecordedSurvey, wreck_path: Path) -> None:
+    range_m, port, starboard = read_sides(wreck_path)
+
+    assert range_m == wreck.slant_range_m
+    for side, played in ((port, wreck.port), (starboard, wreck.starboard)):
+        assert side.max() == 32_767.0
+        assert np.array_equal(np.minimum(side // 128, 255), played)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("exponent", [1.0, 0.5], ids=["linear", "square root"])
+def test_coded_pings_are_closer_to_the_recording_than_means_of_as_many_bytes(wreck_path: Path, exponent: float) -> None:
+    _, *sides = read_sides(wreck_path)
+    errors: dict[Coding, list[float]] = {Coding.MEAN: [], Coding.CODED: []}
+    for ping in (side[number] for side in sides for number in (240, 300, 360, 420)):
+        samples = np.rint(255.0 * (ping / 32_767.0) ** exponent).astype(np.uint8).tobytes()
+        chunks = [ChartChunk(at, 29, 0, samples[at : at + 200]) for at in range(0, len(samples), 200)]
+        for coding, squares in errors.items():
+            payloads = compress_ping(Channel.A, chunks, ping_number=0, t_us=0, coding=coding)
+            assert list(map(len, payloads)) == [180, 136]
+            bundles = [bundle for payload in payloads if isinstance(bundle := expand(payload), Bundle)]
+            came = b"".join(chunk.samples for bundle in bundles for chunk in bundle.chunks)
+            difference = np.frombuffer(came, np.uint8).astype(float) - np.frombuffer(samples, np.uint8)
+            squares.append(float(np.mean(difference**2)))
+
+    assert np.sqrt(np.mean(errors[Coding.CODED])) < 0.7 * np.sqrt(np.mean(errors[Coding.MEAN]))
 
 
 @pytest.mark.data

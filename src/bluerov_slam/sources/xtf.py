@@ -33,11 +33,7 @@ FloatArray = NDArray[np.float64]
 
 def read_xtf(path: Path) -> RecordedSurvey:
     """The recording, ready to be played. Raises ConfigError that says what is wrong and how to cure it."""
-    header, pings = _read(path)
-    columns = _side_columns(path, header)
-    usable = [ping for ping in pings if len(ping.data) > max(columns)]
-    if len(usable) < 2:
-        raise ConfigError(f"{path}: only {len(usable)} pings with port and starboard; give a longer XTF recording")
+    columns, usable = _sides(path)
     time_s = _times_s(usable)
     known = np.array([ping.SensorXcoordinate != 0.0 and ping.SensorYcoordinate != 0.0 for ping in usable])
     if not known.any():
@@ -62,6 +58,25 @@ def read_xtf(path: Path) -> RecordedSurvey:
         port=_amplitudes([ping.data[columns[0]] for ping in usable])[:, ::-1],
         starboard=_amplitudes([ping.data[columns[1]] for ping in usable]),
     )
+
+
+def read_sides(path: Path) -> tuple[float, FloatArray, FloatArray]:
+    """Slant range in m, port and starboard: the recorder's own amplitudes, near to far, one row for each ping."""
+    columns, pings = _sides(path)
+    rows = [[np.asarray(ping.data[column], np.float64) for ping in pings] for column in columns]
+    if len({row.size for side in rows for row in side}) != 1:
+        raise ConfigError(f"{path}: the pings have different lengths")
+    return _slant_range_m(path, pings, columns[1]), np.stack(rows[0])[:, ::-1], np.stack(rows[1])
+
+
+def _sides(path: Path) -> tuple[tuple[int, int], list[Any]]:
+    """Which data column is port, which starboard, and the pings that have both."""
+    header, pings = _read(path)
+    columns = _side_columns(path, header)
+    usable = [ping for ping in pings if len(ping.data) > max(columns)]
+    if len(usable) < 2:
+        raise ConfigError(f"{path}: only {len(usable)} pings with port and starboard; give a longer XTF recording")
+    return columns, usable
 
 
 def _read(path: Path) -> tuple[Any, list[Any]]:
