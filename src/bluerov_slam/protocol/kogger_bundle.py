@@ -145,9 +145,10 @@ def _rebuilt(
     payload: bytes, parsed: list[_ParsedChunk], decimation: int, coding: Coding, version: int
 ) -> list[NDArray[np.uint8]] | None:
     """The samples of each chunk, as many as the sonar sent; None if they are coded and the code is none."""
-    if _is_coded(coding, decimation, sum(end - start for *_, start, end in parsed)):
+    if coding is Coding.CODED:
         code = b"".join([payload[start:end] for *_, start, end in parsed])
-        return _decoded(code, [chunk[3] for chunk in parsed], _coded_group(decimation), version)
+        if _is_coded(coding, decimation, len(code)):
+            return _decoded(code, [chunk[3] for chunk in parsed], _coded_group(decimation), version)
     data = np.frombuffer(payload, np.uint8)
     return [hold(data[start:end], samples, decimation, version) for *_, samples, start, end in parsed]
 
@@ -171,19 +172,29 @@ def _code(parts: list[bytes], size: int, group: int, version: int) -> bytes:
 
 def _decoded(code: bytes, sizes: list[int], group: int, version: int) -> list[NDArray[np.uint8]] | None:
     """Undo `_code` for chunks of these sample counts."""
-    counts = [_decimated_size(samples, group, version) for samples in sizes]
-    ordered = kogger_coded.decode(code, sum(counts))
-    if ordered is None:
+    counts = sizes if group == 1 else [_decimated_size(samples, group, version) for samples in sizes]
+    values = kogger_coded.decode(code, sum(counts))
+    if values is None:
         return None
-    channels = 1 if version == 0 else 2
-    values = [np.empty(count, np.uint8) for count in counts]
+    if version == 1:
+        values = _in_turn(values, counts)
+    parts = [values[start:end] for start, end in pairwise(accumulate(counts, initial=0))]
+    if group == 1:
+        return parts
+    return [hold(part, samples, group, version) for part, samples in zip(parts, sizes, strict=True)]
+
+
+def _in_turn(values: NDArray[np.uint8], counts: list[int]) -> NDArray[np.uint8]:
+    """Chunks of two sub-channels each, out of first the one of all chunks and then the other."""
+    merged = np.empty_like(values)
+    starts = list(accumulate(counts, initial=0))
     at = 0
-    for channel in range(channels):
-        for value in values:
-            own = value[channel::channels]
-            own[:] = ordered[at : at + own.size]
+    for sub_channel in (0, 1):
+        for start, end in pairwise(starts):
+            own = merged[start + sub_channel : end : 2]
+            own[:] = values[at : at + own.size]
             at += own.size
-    return [hold(value, samples, group, version) for value, samples in zip(values, sizes, strict=True)]
+    return merged
 
 
 def _chart_frames(

@@ -68,13 +68,14 @@ def decode(code: bytes, count: int) -> NDArray[np.uint8] | None:
     if len(code) < MIN_CODE_BYTES or count < 1 or code[0] > MAX_COARSENESS:
         return None
     bits = np.unpackbits(np.frombuffer(code, np.uint8, offset=_HEADER_BYTES))
-    ends = np.concatenate(([-1], np.flatnonzero(bits)[: count - 1]))
-    if ends.size < count:
+    ends = np.flatnonzero(bits)[: count - 1]
+    if ends.size < count - 1:
         return None
-    symbols = ends[1:] - ends[:-1] - 1
+    symbols = ends.copy()
+    symbols[1:] -= ends[:-1] + 1
     escapes = np.flatnonzero(symbols >= ESCAPE)
-    start, stop = int(ends[-1]) + 1, bits.size - 8 * escapes.size
-    if symbols.max(initial=0) > ESCAPE or start > stop or bits[start:stop].any():
+    start, stop = int(ends[-1]) + 1 if count > 1 else 0, bits.size - 8 * escapes.size
+    if (escapes.size and symbols.max() > ESCAPE) or start > stop or bits[start:stop].any():
         return None
     means = _means(code, symbols.astype(np.uint8).tobytes(), escapes.tolist())
     samples = np.empty(count, np.uint8)
