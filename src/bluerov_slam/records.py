@@ -325,6 +325,91 @@ class LinkCounters:
     resyncs: int = 0
 
 
+class NavMode(StrEnum):
+    """What the navigator's position rests on at this moment."""
+
+    STARTING = "starting"  # no attitude yet: nothing is estimated
+    ATTITUDE = "attitude"  # attitude and depth are estimated, the horizontal position is not: no fix so far
+    DEAD_RECKONING = "dead_reckoning"  # position carried on from velocities; its uncertainty grows
+    AIDED = "aided"  # a position fix was accepted within the last few seconds
+
+
+class SensorTrust(StrEnum):
+    """How the navigator treats one sensor."""
+
+    ABSENT = "absent"  # never heard
+    WAITING = "waiting"  # heard, but not usable yet (no fix, not calibrated, under water)
+    USED = "used"
+    REJECTED = "rejected"  # its newest values disagree with everything else
+    IGNORED = "ignored"  # faulty in itself: frozen, saturated, stale, time-travelling, not a number
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFix:
+    """A horizontal position from outside the link: an acoustic system, GPS_INPUT of the autopilot, an imported log.
+
+    `covariance_ne_m2` is (north variance, north-east covariance, east variance); None where the source states none.
+    """
+
+    measured_s: float
+    arrived_s: float
+    source: str
+    latitude_deg: float
+    longitude_deg: float
+    covariance_ne_m2: tuple[float, float, float] | None
+    depth_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NavSensor:
+    """What the navigator makes of one sensor.
+
+    `nis_ratio` is the mean of NIS / degrees of freedom over the last `nis_count` tested values (near 1 when the stated
+    errors are right), None before the first. `reason` says in words why it is not used, with the cure; empty if used.
+    """
+
+    name: str
+    trust: SensorTrust
+    reason: str
+    accepted: int
+    rejected: int
+    last_used_s: float | None
+    nis_ratio: float | None
+    nis_count: int
+
+
+@dataclass(frozen=True, slots=True)
+class NavState:
+    """One estimate of the navigator, valid at `measured_s`, in world NED about the origin and body FRD.
+
+    `pose_covariance`: float64 (6, 6) of (north, east, down m; rotation about north, east, down rad), the rotation being
+    the left error `R_true = Exp(rotation) R_estimated`. `velocity_covariance_m2ps2`: float64 (3, 3). Position, its
+    covariance and the origin are None until something said where the vehicle is; the other values are None while they
+    are unknown. `quaternion_ned_frd` is (w, x, y, z) with w >= 0. `reset_counter` goes up with every jump of the position
+    or heading that no motion explains. `current_ne_mps` is the water's velocity over ground.
+    """
+
+    measured_s: float
+    arrived_s: float
+    mode: NavMode
+    origin_deg: tuple[float, float] | None
+    position_ned_m: tuple[float, float, float] | None
+    velocity_ned_mps: tuple[float, float, float] | None
+    quaternion_ned_frd: tuple[float, float, float, float] | None
+    angular_rate_frd_radps: tuple[float, float, float] | None
+    pose_covariance: NDArray[np.float64] | None
+    velocity_covariance_m2ps2: NDArray[np.float64] | None
+    depth_m: float | None
+    depth_std_m: float | None
+    altitude_m: float | None
+    current_ne_mps: tuple[float, float] | None
+    current_std_mps: tuple[float, float] | None
+    last_fix_s: float | None
+    distance_m: float
+    reset_counter: int
+    sensors: tuple[NavSensor, ...] = ()
+
+
 VehicleRecord = VehicleAttitude | VehicleServoOutput | VehicleBattery | VehicleMotionDelta
 """What the vehicle's own messages say, beside the link."""
 
@@ -342,4 +427,6 @@ Record = (
     | LinkBytesSent
     | Event
     | VehicleRecord
+    | PositionFix
+    | NavState
 )
