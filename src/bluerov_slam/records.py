@@ -313,6 +313,33 @@ class VehicleMotionDelta:
 
 
 @dataclass(frozen=True, slots=True)
+class VehicleDepth:
+    """The vehicle's own water pressure sensor: SCALED_PRESSURE2, BARO instance 1 or a log's depth column.
+
+    `pressure_pa` is absolute, `depth_m` lies below the surface as the vehicle zeroed it; a source has one or the other.
+    """
+
+    arrived_s: float
+    boot_ms: int
+    pressure_pa: float | None
+    depth_m: float | None
+    temperature_degc: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRange:
+    """DISTANCE_SENSOR that looks down: height of the vehicle's echo sounder above the bottom.
+
+    `quality_percent` is None where the sender says none.
+    """
+
+    arrived_s: float
+    boot_ms: int
+    distance_m: float
+    quality_percent: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class LinkCounters:
     """Counters of one byte-stream decoder since it was made."""
 
@@ -410,7 +437,7 @@ class NavState:
     sensors: tuple[NavSensor, ...] = ()
 
 
-VehicleRecord = VehicleAttitude | VehicleServoOutput | VehicleBattery | VehicleMotionDelta
+VehicleRecord = VehicleAttitude | VehicleServoOutput | VehicleBattery | VehicleMotionDelta | VehicleDepth | VehicleRange
 """What the vehicle's own messages say, beside the link."""
 
 Record = (

@@ -17,7 +17,10 @@ from bluerov_slam.records import (
     SensorSample,
     VehicleAttitude,
     VehicleBattery,
+    VehicleDepth,
     VehicleMotionDelta,
+    VehicleRange,
+    VehicleRecord,
     VehicleServoOutput,
 )
 
@@ -30,6 +33,8 @@ STATUSTEXT_CHARACTERS = 50
 NAN = float("nan")
 # BATTERY_STATUS reports up to ten cells; ArduSub puts the whole pack into the first one.
 CELL_UNUSED_MV = 0xFFFF
+# MAV_SENSOR_ROTATION_PITCH_270: the sensor looks at the bottom.
+ORIENTATION_DOWN = 25
 
 
 def attitude_fields(sample: SensorSample, angular_rate_frd_radps: tuple[float, float, float] | None) -> Fields | None:
@@ -116,9 +121,7 @@ def status_text_chunks(text: str) -> tuple[str, ...]:
     return tuple(plain[i : i + STATUSTEXT_CHARACTERS] for i in range(0, len(plain), STATUSTEXT_CHARACTERS)) or ("",)
 
 
-def vehicle_record(
-    name: str, fields: Mapping[str, Any], arrived_s: float
-) -> VehicleAttitude | VehicleServoOutput | VehicleBattery | VehicleMotionDelta | None:
+def vehicle_record(name: str, fields: Mapping[str, Any], arrived_s: float) -> VehicleRecord | None:
     """The record of a message from the vehicle, None for a message we do not use or whose values make no sense."""
     reader = _READERS.get(name)
     if reader is None:
@@ -177,11 +180,34 @@ def _motion_delta(fields: Mapping[str, Any], arrived_s: float) -> VehicleMotionD
     )
 
 
+def _depth(fields: Mapping[str, Any], arrived_s: float) -> VehicleDepth | None:
+    pressure_pa = float(fields["press_abs"]) * 100.0
+    if not math.isfinite(pressure_pa) or pressure_pa <= 0.0:
+        return None
+    # Exactly zero is what a driver without a thermometer sends.
+    temperature_cdegc = int(fields["temperature"])
+    temperature_degc = temperature_cdegc / 100.0 if temperature_cdegc else None
+    return VehicleDepth(arrived_s, int(fields["time_boot_ms"]), pressure_pa, None, temperature_degc)
+
+
+def _range(fields: Mapping[str, Any], arrived_s: float) -> VehicleRange | None:
+    distance_cm = int(fields["current_distance"])
+    within = int(fields["min_distance"]) <= distance_cm <= int(fields["max_distance"])
+    if int(fields["orientation"]) != ORIENTATION_DOWN or not within or distance_cm <= 0:
+        return None
+    # 0 is "unknown", 1 is 0 %: the message's own convention.
+    quality = int(fields.get("signal_quality", 0))
+    percent = None if quality == 0 else 0 if quality == 1 else min(quality, 100)
+    return VehicleRange(arrived_s, int(fields["time_boot_ms"]), distance_cm / 100.0, percent)
+
+
 _READERS = {
     "ATTITUDE": _attitude,
     "SERVO_OUTPUT_RAW": _servo_output,
     "BATTERY_STATUS": _battery,
     "VISION_POSITION_DELTA": _motion_delta,
+    "SCALED_PRESSURE2": _depth,
+    "DISTANCE_SENSOR": _range,
 }
 
 

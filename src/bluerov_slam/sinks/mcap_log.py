@@ -44,6 +44,10 @@ JSON_TOPICS: dict[type, str] = {
     records.VehicleServoOutput: "/vehicle/servo_output",
     records.VehicleBattery: "/vehicle/battery",
     records.VehicleMotionDelta: "/vehicle/motion_delta",
+    records.VehicleDepth: "/vehicle/depth",
+    records.VehicleRange: "/vehicle/range",
+    records.PositionFix: "/position_fix",
+    records.NavState: "/navigation",
 }
 PING_TOPICS = {records.Channel.A: "/ping/a", records.Channel.B: "/ping/b"}
 
@@ -209,7 +213,7 @@ def _type_name(annotation: str) -> str:
         return simple[annotation]
     if annotation.startswith(("tuple[", "NDArray[")):
         return "array"
-    return "string" if annotation in ("Channel", "EventLevel") else "integer"
+    return "string" if annotation in ("Channel", "EventLevel", "NavMode", "SensorTrust") else "integer"
 
 
 def _stamp_s(record: records.Record) -> float:

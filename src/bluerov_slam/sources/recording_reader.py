@@ -1,6 +1,7 @@
 """Reads what a dive received back: a session folder, its exported zip, one MCAP file, or a plain capture.
 
-That is the raw link bytes, and what the vehicle's own messages said; everything else is decoded afresh from the bytes.
+That is the raw link bytes, what the vehicle's own messages said and positions from outside; everything else is decoded
+afresh from the bytes.
 
 A file that was cut short reads up to its last whole chunk; what could not be read is named in `problems`.
 """
@@ -25,23 +26,19 @@ from mcap.writer import MCAP0_MAGIC
 
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.protocol.esp32_messages import KNOWN_TYPES, Esp32FrameDecoder
-from bluerov_slam.records import (
-    LinkBytes,
-    VehicleAttitude,
-    VehicleBattery,
-    VehicleMotionDelta,
-    VehicleRecord,
-    VehicleServoOutput,
+from bluerov_slam.records import GpsFix, LinkBytes, NavState, PositionFix, Record, VehicleRecord
+from bluerov_slam.sources.recorded_json import (
+    GPS_TOPIC,
+    NAVIGATION_TOPIC,
+    POSITION_FIX_TOPIC,
+    VEHICLE_TOPICS,
+    read_record,
 )
 
 RAW_TOPIC = "/link/raw"
-VEHICLE_TOPICS: dict[str, type[VehicleRecord]] = {
-    "/vehicle/attitude": VehicleAttitude,
-    "/vehicle/servo_output": VehicleServoOutput,
-    "/vehicle/battery": VehicleBattery,
-    "/vehicle/motion_delta": VehicleMotionDelta,
-}
 SESSION_METADATA = "bluerov_slam_session"
+# Metadata "wall_clock" of a log that does not say when it was made.
+UNKNOWN_CLOCK = "unknown"
 
 # A plain capture has no arrival times: its bytes are given the pace of the link, in blocks of this length.
 CAPTURE_BLOCK_S = 0.01
@@ -51,6 +48,12 @@ _CAPTURE_PROBE_BYTES = 1024 * 1024
 _PREFIX = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _PART_NAME = re.compile(r"(?:.*/)?link_\d{3,}\.mcap")
+
+
+# What stands beside the link bytes; a log that was imported brings GPS fixes, too, which else are decoded anew.
+_BESIDE_LINK = (*VEHICLE_TOPICS, POSITION_FIX_TOPIC)
+
+Received = LinkBytes | VehicleRecord | PositionFix | GpsFix
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +77,11 @@ class Part:
 
 @dataclass(slots=True)
 class Recording:
-    """A recording that was found to be one. `wall_offset_ns` is wall clock less monotonic clock, None if unknown."""
+    """A recording that was found to be one.
+
+    `wall_offset_ns` is wall clock less monotonic clock, None if unknown. `imported_from` names the logs a recording was
+    made from, None for one of ours; an imported one holds no link bytes.
+    """
 
     path: Path
     parts: tuple[Part, ...]
@@ -83,6 +90,8 @@ class Recording:
     decoder_settings: dict[str, Any] = field(default_factory=dict)
     session: dict[str, Any] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    imported_from: str | None = None
+    simulated: bool = False
 
     @property
     def utc_offset_s(self) -> float | None:
@@ -101,11 +110,19 @@ class Recording:
         """The link as it was read, block by block. `baud` paces a plain capture."""
         return (received for received in self._received(baud, (RAW_TOPIC,)) if isinstance(received, LinkBytes))
 
-    def received(self, baud: int = 115200) -> Iterator[LinkBytes | VehicleRecord]:
-        """The blocks and, between them, the records made of the vehicle's own messages."""
-        return self._received(baud, (RAW_TOPIC, *VEHICLE_TOPICS))
+    def received(self, baud: int = 115200) -> Iterator[Received]:
+        """The blocks and, between them, the records made of the vehicle's own messages and of positions given to us."""
+        imported = (GPS_TOPIC,) if self.imported_from is not None else ()
+        return self._received(baud, (RAW_TOPIC, *_BESIDE_LINK, *imported))
 
-    def _received(self, baud: int, topics: Collection[str]) -> Iterator[LinkBytes | VehicleRecord]:
+    def navigation(self) -> Iterator[NavState]:
+        """The navigator's estimates of the time of recording."""
+        for message in self.messages((NAVIGATION_TOPIC,)):
+            state = self._read(message)
+            if isinstance(state, NavState):
+                yield state
+
+    def _received(self, baud: int, topics: Collection[str]) -> Iterator[Received]:
         if self.is_capture:
             for part in self.parts:
                 with part.open() as stream:
@@ -114,10 +131,17 @@ class Recording:
         for message in self.messages(topics):
             if message.topic == RAW_TOPIC:
                 yield LinkBytes(message.data, message.publish_ns / 1e9)
-            elif (record := _vehicle_record(message)) is not None:
-                yield record
-            elif (problem := f"messages of {message.topic} do not read; they were passed over") not in self.problems:
-                self.problems.append(problem)
+            else:
+                record = self._read(message)
+                if isinstance(record, Received):
+                    yield record
+
+    def _read(self, message: McapMessage) -> Record | None:
+        record = read_record(message.topic, message.data)
+        problem = f"messages of {message.topic} do not read; they were passed over"
+        if record is None and problem not in self.problems:
+            self.problems.append(problem)
+        return record
 
 
 def open_recording(path: Path) -> Recording:
@@ -208,16 +232,6 @@ def _check_capture(path: Path, part: Part) -> None:
         )
 
 
-def _vehicle_record(message: McapMessage) -> VehicleRecord | None:
-    """The record that was written as JSON; None if it was not written by this program."""
-    try:
-        fields = orjson.loads(message.data).items()
-        values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields}
-        return VEHICLE_TOPICS[message.topic](**values)
-    except (AttributeError, TypeError, ValueError):
-        return None
-
-
 def _read_metadata(recording: Recording) -> None:
     for part in recording.parts:
         with part.open() as stream:
@@ -226,7 +240,10 @@ def _read_metadata(recording: Recording) -> None:
             metadata = _first_metadata(stream)
         if metadata is None:
             continue
-        recording.wall_offset_ns = int(metadata["wall_offset_ns"])
+        if metadata.get("wall_clock") != UNKNOWN_CLOCK:
+            recording.wall_offset_ns = int(metadata["wall_offset_ns"])
+        recording.imported_from = metadata.get("imported_from")
+        recording.simulated = metadata.get("simulated") == "true"
         recording.decoder_settings = orjson.loads(metadata.get("decoder_settings", "{}"))
         return
 

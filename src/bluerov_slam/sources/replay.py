@@ -12,8 +12,8 @@ from typing import Any
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.pipeline.health import LinkFacts, PortState
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
-from bluerov_slam.records import Channel, LinkBytes, Record, VehicleRecord
-from bluerov_slam.sources.recording_reader import Recording
+from bluerov_slam.records import Channel, LinkBytes, Record
+from bluerov_slam.sources.recording_reader import Received, Recording
 
 _log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ def decoder_for(recording: Recording) -> LinkDecoder:
 
 
 def decode(recording: Recording, baud: int = 115200) -> Iterator[Record]:
-    """Every record of a dive: decoded afresh from its raw bytes, and those of the vehicle's own messages."""
+    """Every record of a dive: decoded afresh from its raw bytes, and those that came beside the link."""
     decoder = decoder_for(recording)
     for received in recording.received(baud):
         if isinstance(received, LinkBytes):
@@ -49,7 +49,7 @@ def decode(recording: Recording, baud: int = 115200) -> Iterator[Record]:
 class ReplaySource:
     """Stands where the serial port stands. `speed` times real time, None = as fast as it can be taken.
 
-    `on_vehicle` gets what the vehicle's own messages said, for which the bridge stood live.
+    `on_vehicle` gets what came beside the link: the vehicle's own messages and positions given to us.
     """
 
     kind = "replay"
@@ -57,7 +57,7 @@ class ReplaySource:
     def __init__(self, recording: Recording, speed: float | None = 1.0, baud: int = 115200) -> None:
         if speed is not None and not 0.0 < speed <= 1000.0:
             raise RecordingError(f"speed {speed:g}, expected above 0 and up to 1000, or max")
-        first = next(recording.blocks(baud), None)
+        first = next(recording.received(baud), None)
         if first is None:
             raise RecordingError(f"{recording.path} holds no link bytes: nothing was recorded into it")
         recording.problems.clear()
@@ -70,7 +70,7 @@ class ReplaySource:
         self._position_s = first.arrived_s
         self._origin: tuple[float, float] | None = None
         self.finished = asyncio.Event()
-        self.on_vehicle: Callable[[VehicleRecord], None] = lambda _record: None
+        self.on_vehicle: Callable[[Record], None] = lambda _record: None
 
     def now_s(self) -> float:
         """The recording's own clock: where the replay stands, going on in real time once it has ended."""
@@ -124,7 +124,7 @@ class ReplaySource:
         self._change(PortState.FINISHED, detail, on_change)
         self.finished.set()
 
-    async def _deliver(self, batch: list[LinkBytes | VehicleRecord], on_data: Callable[[bytes, float], Any]) -> None:
+    async def _deliver(self, batch: list[Received], on_data: Callable[[bytes, float], Any]) -> None:
         for number, received in enumerate(batch):
             await self._wait_for(received.arrived_s)
             if number % _TURN == 0:
@@ -150,5 +150,5 @@ class ReplaySource:
 _DECODER_SETTINGS = frozenset({"kogger_checksum", "surface_pressure_pa", "expected_samples"})
 
 
-def _take(received: Iterator[LinkBytes | VehicleRecord]) -> list[LinkBytes | VehicleRecord]:
+def _take(received: Iterator[Received]) -> list[Received]:
     return list(itertools.islice(received, _BATCH))
