@@ -412,8 +412,8 @@ class NavState:
     `pose_covariance`: float64 (6, 6) of (north, east, down m; rotation about north, east, down rad), the rotation being
     the left error `R_true = Exp(rotation) R_estimated`. `velocity_covariance_m2ps2`: float64 (3, 3). Position, its
     covariance and the origin are None until something said where the vehicle is; the other values are None while they
-    are unknown. `quaternion_ned_frd` is (w, x, y, z) with w >= 0. `reset_counter` goes up with every jump of the position
-    or heading that no motion explains. `current_ne_mps` is the water's velocity over ground.
+    are unknown. `quaternion_ned_frd` is (w, x, y, z) with w >= 0. `reset_counter` goes up with every jump of the
+    position or heading that no motion explains. `current_ne_mps` is the water's velocity over ground.
     """
 
     measured_s: float
