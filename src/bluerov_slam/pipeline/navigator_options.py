@@ -1,0 +1,166 @@
+"""Every figure of the navigator that the vehicle itself does not measure.
+
+The defaults are what somebody knows who has read datasheets and the literature; no simulator was asked. Sources in
+short: [HWT905], [MS5837] the makers' registers and claims; [logs] measured on autopilot logs of BlueROV2; [survey] the
+literature on vehicles without DVL; [choice] a decision of ours. White noises are per root hertz, random walks per root
+second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuOptions:
+    """Inertial sensors, and how the vehicle may move while there are none."""
+
+    # [logs] 0.011 to 0.024 deg/s and 0.006 to 0.009 m/s2 per root hertz, vibration included.
+    gyro_noise_radps: float = math.radians(0.02)
+    accelerometer_noise_mps2: float = 0.01
+    # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h.
+    gyro_bias_std_radps: float = math.radians(0.3)
+    gyro_bias_walk_radps: float = 1.6e-6
+    # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug, and temperature.
+    accelerometer_bias_std_mps2: float = 0.05
+    accelerometer_bias_walk_mps2: float = 1e-4
+    # Turns the readings of an IMU that is not mounted as the firmware assumes.
+    mounting_rpy_deg: Vector = (0.0, 0.0, 0.0)
+    # Age of a sample when it is stamped.
+    latency_s: float = 0.0
+    silent_after_s: float = 0.5
+    # The sensor's own angles. [HWT905] claims 0.1 deg in motion, but waves accelerate the vehicle; [survey] heading 2
+    # to 5 deg.
+    angle_tilt_std_rad: float = math.radians(1.0)
+    angle_heading_std_rad: float = math.radians(3.0)
+    # Without an IMU velocity and attitude walk. [logs] yaw rate 17 to 23 deg/s at the 95th percentile.
+    kinematic_rate_radps: float = 0.15
+    kinematic_acceleration_mps2: float = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class CompassOptions:
+    """Heading from the magnetometer: true + A + B cos + C sin + wander + white noise."""
+
+    std_rad: float = math.radians(2.0)  # [survey]
+    # [survey] 3 deg in total over A, B, C after a calibration.
+    deviation_std_rad: Vector = (math.radians(1.75), math.radians(1.75), math.radians(1.75))
+    # [choice] without one: hard iron of a tenth to a fifth of the horizontal field.
+    uncalibrated_deviation_std_rad: Vector = (math.radians(5.0), math.radians(12.0), math.radians(12.0))
+    deviation_walk_rad: float = 2e-5
+    wander_std_rad: float = math.radians(1.0)  # [survey]
+    wander_time_s: float = 300.0  # [survey]
+    # [choice] about twice what a moving vehicle shows: strength as a share, dip as an angle.
+    norm_tolerance: float = 0.2
+    dip_tolerance_rad: float = math.radians(10.0)
+    # [survey] 2 to 10 deg beside servos and power leads: added at full throttle of all thrusters.
+    throttle_std_rad: float = math.radians(8.0)
+    # [choice] values are taken this far apart: the error between two samples of 20 Hz is the same.
+    period_s: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class DepthOptions:
+    """Depth from absolute pressure."""
+
+    std_m: float = 0.02  # [MS5837] 2 mm resolution, [logs] 0.2 mbar from sample to sample; waves above it move more
+    bias_std_m: float = 0.15  # [choice] zeroed by itself: floating or on the deck is not known
+    zeroed_bias_std_m: float = 0.05  # [choice] zeroed by the user
+    unzeroed_bias_std_m: float = 0.5  # [MS5837] absolute accuracy 50 mbar
+    bias_walk_m: float = 1e-4  # weather and tide, 1 cm in 3 hours
+    density_relative_std: float = 0.016  # 997 to 1029 kg/m3 while no salinity was measured
+    # What counts as air or the first decimetres of water when the surface pressure is taken by itself.
+    surface_pressure_range_pa: tuple[float, float] = (95_000.0, 107_000.0)
+    latency_s: float = 0.02
+    period_s: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class GpsOptions:
+    """GPS at the surface."""
+
+    std_m_per_hdop: float = 1.5  # [survey] 1.5 to 3 m standalone, per axis
+    unknown_hdop: float = 2.0
+    white_share: float = 0.3  # of the standard deviation: what changes from one fix to the next
+    wander_time_s: float = 60.0  # [survey] how long the rest lasts
+    depth_limit_m: float = 0.3  # [survey] below it the antenna is awash
+    hdop_limit: float = 5.0
+    age_limit_s: float = 2.0
+    consistent_fixes: int = 3
+    consistent_within_m: float = 10.0
+    consistent_speed_mps: float = 3.0
+    # [choice] a refused position that stays by itself for so long is believed, with a reset: longer than any multipath.
+    jump_persists_s: float = 20.0
+    latency_s: float = 0.1
+    period_s: float = 0.9
+    lever_arm_frd_m: Vector = (0.0, 0.0, -0.15)
+
+
+@dataclass(frozen=True, slots=True)
+class FixOptions:
+    """Positions from outside the link: acoustics, an imported log."""
+
+    std_m: float = 1.5  # where the source states none; then learned within the limits
+    std_limits_m: tuple[float, float] = (0.3, 8.0)
+    correlation_s: float = 5.0  # [survey] slow errors of 1 to 8 m: faster fixes count for less each
+    jump_persists_s: float = 30.0
+    latency_s: float = 0.0
+    lever_arm_frd_m: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ThrustOptions:
+    """Velocity through water from the thruster model, and the current."""
+
+    noise_mps: float = 0.05  # [survey] per root second: gusts, tether, wash
+    vertical_std_mps: float = 0.3
+    scale_std: tuple[float, float] = (0.10, 0.10)  # [survey] 20 % of thrust is 11 % of speed; surge, sway
+    scale_walk: float = 1e-5
+    current_std_mps: float = 0.2  # [survey] 0.05 to 0.4 m/s
+    current_walk_mps: float = 1e-3  # [survey] 0.0005 to 0.003
+    stale_after_s: float = 0.6
+    battery_stale_after_s: float = 30.0
+    period_s: float = 0.2
+    # Where no thruster is heard drag still holds an ROV below about 1 m/s: one opinion in so many seconds.
+    speed_prior_std_mps: float = 0.5
+    speed_prior_time_s: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class DvlOptions:
+    """A DVL, heard as VISION_POSITION_DELTA."""
+
+    std_mps: float = 0.015  # [survey] 1.0 to 1.7 cm/s at 5 Hz
+    std_per_mps: float = 0.003
+    scale_std: float = 0.003  # [survey] 0.1 to 0.5 %
+    yaw_std_rad: float = math.radians(0.5)  # what a user can align
+    walk: float = 1e-6
+    bad_below_percent: float = 20.0
+    lever_arm_frd_m: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class NavigatorOptions:
+    """All of them."""
+
+    imu: ImuOptions = ImuOptions()
+    compass: CompassOptions = CompassOptions()
+    depth: DepthOptions = DepthOptions()
+    gps: GpsOptions = GpsOptions()
+    fix: FixOptions = FixOptions()
+    thrust: ThrustOptions = ThrustOptions()
+    dvl: DvlOptions = DvlOptions()
+    aided_age_s: float = 10.0  # a fix younger than this is "aided"
+    # [choice] without any motion sensor for so long an ROV may be anywhere within a hundred metres: nothing is stated.
+    unknown_after_s: float = 60.0
+    # A correction beyond these counts up `reset_counter`.
+    jump_m: float = 1.0
+    jump_heading_rad: float = math.radians(10.0)
+    save_limit_s: float = 3600.0  # a saved state older than this is not taken up
+    resume_speed_mps: float = 0.6  # how fast the vehicle may have moved while nobody looked
+    origin_deg: tuple[float, float] | None = None  # else the first fix
+    declination_rad: float | None = None  # else the model's at the first fix, 0 +- 10 deg before it
+    gate_probability: float = 0.999
