@@ -1,0 +1,1 @@
+"""Many runs at once: the only package that knows of a cluster."""
