@@ -1,17 +1,17 @@
 """The best that any estimator could do: Cramer-Rao bounds of a track's horizontal position.
 
-The problem is linearised about the track and reduced to two dimensions at a fixed step (1 s by default). Unknown are the
-positions, the current (a random walk per axis with a node every 20 s, linear in between), the scale of the velocity
-model along and across the vehicle, the compass deviation A + B cos(heading) + C sin(heading) and its Gauss-Markov wander;
+The problem is linearised about the track and reduced to two dimensions at a fixed step, by default of 1 s. Unknown are
+the positions, the current (a random walk per axis with a node every 20 s, linear in between), the scale of the velocity
+model along and across the vehicle, the compass deviation A + B cos(heading) + C sin(heading) and its slow wander;
 measured are the position increments through the water (or over ground, with a DVL), position fixes and directions to a
 beacon. Noise is exactly as modelled and there are no outliers, so a bound is a floor: an error below it over many runs
 means that truth leaked into the estimate or that the model is not what was run.
 
 How the prose of the study that the targets come from is read (its table is in docs/evaluation.md and is reproduced by
 the tests): a current's standard deviation is per axis; a "total" deviation d makes A, B and C each d / sqrt(3); the
-side-slip scale is a velocity across the bow in proportion to the forward speed, half as uncertain as the scale; velocity
-noise is per axis; a DVL replaces the current and the side-slip; the beacon gives range and bearing from two angles of
-equal noise and a known depth, and its bearing shares the compass error.
+side-slip scale is a velocity across the bow in proportion to the forward speed, half as uncertain as the scale; noise
+of the velocity is per axis; a DVL replaces the current and the side-slip; the beacon gives range and bearing from two
+angles of equal noise and a known depth, and its bearing shares the compass error.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CURRENT_NODE_S = 20.0
 class Track:
     """Where the vehicle is and how it moves through the water, every `step_s`.
 
-    `position_ne_m`: (n + 1, 2). `heading_rad`, `forward_mps` and `sideways_mps` (through the water), in each step: (n,).
+    `position_ne_m`: (n + 1, 2). `heading_rad`, `forward_mps` and `sideways_mps` (through the water) of each step: (n,).
     """
 
     step_s: float
