@@ -16,6 +16,7 @@ COMMANDS = {
     "convert": "convert",
     "extension": "extension",
     "health": "health",
+    "import": "import_log",
     "replay": "replay",
     "run": "run",
     "simulate": "simulate",

@@ -5,7 +5,7 @@ A .tlog is a plain sequence of u64 big-endian microseconds (unix) and one MAVLin
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +27,8 @@ class LoggedFrame:
     data: bytes
 
 
-def read_vehicle_log(path: Path) -> list[LoggedFrame]:
-    """Every frame of the log, in order. Raises RecordingError where there is none."""
+def read_vehicle_log(path: Path, on_skipped: Callable[[int], None] = lambda _count: None) -> list[LoggedFrame]:
+    """Every frame of the log, in order; `on_skipped` hears of damaged bytes. Raises RecordingError without a frame."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -36,6 +36,7 @@ def read_vehicle_log(path: Path) -> list[LoggedFrame]:
     frames = list(parse_vehicle_log(content))
     if not frames:
         raise RecordingError(f"{path}: holds no MAVLink frame; give a .tlog as QGroundControl or MAVProxy writes it")
+    on_skipped(len(content) - sum(_STAMP_BYTES + len(frame.data) for frame in frames))
     return frames
 
 
