@@ -85,8 +85,8 @@ class Running:
 
 @contextlib.asynccontextmanager
 async def running_extension(state: Path, *, port: SerialPort | None = None, **options: Any) -> AsyncIterator[Running]:
-    """Start, hand out, stop. `options`: settings as group__key, `wall_time` and `simulated` for the extension."""
-    extra = {key: options.pop(key) for key in ("wall_time", "simulated") if key in options}
+    """Start, hand out, stop. `options`: settings as group__key, and arguments of the extension."""
+    extra = {key: options.pop(key) for key in ("wall_time", "simulated", "navigator") if key in options}
     extension = Extension(open_store(state, **options), port, **extra)
     await extension.start()
     async with aiohttp.ClientSession(f"http://127.0.0.1:{extension.http.port}") as client:

@@ -27,6 +27,7 @@ const CHIPS = /** @type {Array<[string, string]>} */ ([
   ['gps', 'GPS'],
   ['recorder', 'Recorder'],
   ['mavlink', 'MAVLink'],
+  ['navigation', 'Navigation'],
 ]);
 const REFRESH_MS = 250;
 /** Status comes each second: three missed are a silence. */

@@ -44,6 +44,7 @@ const FACTS = {
       { id: 'gps', label: 'GPS', state: 'ok', text: 'Fix' },
       { id: 'recorder', label: 'Recorder', state: 'ok', text: 'Recording' },
       { id: 'mavlink', label: 'MAVLink', state: 'ok', text: 'Sending' },
+      { id: 'navigation', label: 'Navigation', state: 'ok', text: 'Known within 2.1 m' },
     ],
     channels: {
       A: { alive: true, pings: 100, incomplete: 0 },

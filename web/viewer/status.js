@@ -27,6 +27,7 @@ const FROM_EXTENSION = /** @type {Array<[string, string]>} */ ([
   ['gps', 'GPS'],
   ['recorder', 'Recorder'],
   ['mavlink', 'MAVLink'],
+  ['navigation', 'Navigation'],
 ]);
 const WORST_FIRST = ['fault', 'warn', 'unknown', 'off', 'ok'];
 

@@ -233,9 +233,7 @@ def _expectation(info: SettingInfo) -> str:
     kinds: dict[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: _text(info.key)}
     annotation = _annotations()[info.key]
     if _is_list(annotation):
-        kind = (
-            "a list of three numbers from -10 to 10" if info.unit == "m" else "a list of at most 16 names or addresses"
-        )
+        kind = _LISTS.get(info.unit or "", "a list of at most 16 names or addresses")
     else:
         kind = kinds.get(annotation if isinstance(annotation, type) else NoneType, "another value")
     limits = f" from {allowed(info)}" if allowed(info) else ""
@@ -261,7 +259,12 @@ def _plain(number: float) -> str:
     return str(int(number)) if number == int(number) else str(number)
 
 
+_LISTS = {
+    "m": "a list of three numbers from -10 to 10",
+    "deg": "a list of three numbers from -360 to 360",
+}
 _TEXTS = {
+    "navigation.origin": "nothing, or latitude and longitude such as 54.3219, 10.1356",
     "mavlink.target_host": "a host name or an address",
     "mavlink.mavlink2rest_url": "nothing, or an address that begins with ws:// or wss://",
 }

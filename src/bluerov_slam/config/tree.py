@@ -18,6 +18,8 @@ NMEA_PORT = 14401
 FOREIGN_COMPONENTS = {1: "the autopilot's", 190: "a ground station's"}
 Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Vector3 = Annotated[tuple[Metres, Metres, Metres], Field(strict=False)]
+Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
+Angles3 = Annotated[tuple[Degrees, Degrees, Degrees], Field(strict=False)]
 Names = Annotated[tuple[HostName, ...], Field(strict=False, max_length=16)]
 Origins = Annotated[
     tuple[Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/\-]{1,253}$")], ...],
@@ -201,6 +203,89 @@ class SensorSettings(Group):
     )
 
 
+class NavigationSettings(Group):
+    """Where the vehicle is: what the estimator must know that no sensor tells it."""
+
+    enabled: bool = setting(True, "estimate position, velocity and attitude from what the sensors bring", live=True)
+    imu_mounting_rpy_deg: Angles3 = setting(
+        (0.0, 0.0, 0.0),
+        "roll, pitch, yaw that turn the IMU's readings into the vehicle's forward, right, down; upside down: 180, 0, 0",
+        unit="deg", live=True,
+    )  # fmt: skip
+    imu_latency_ms: float = setting(
+        0.0, "age of an IMU sample when the ESP32 stamps it", unit="ms", live=True, ge=0.0, le=500.0
+    )
+    gps_lever_arm_frd_m: Vector3 = setting(
+        (0.0, 0.0, -0.15), "GPS antenna from the IMU: forward, right, down", unit="m", live=True
+    )
+    gps_latency_ms: float = setting(
+        100.0, "age of a GPS position when it arrives at the ESP32", unit="ms", live=True, ge=0.0, le=2000.0
+    )
+    dvl_lever_arm_frd_m: Vector3 = setting(
+        (0.0, 0.0, 0.0), "DVL from the IMU: forward, right, down", unit="m", live=True
+    )
+    position_lever_arm_frd_m: Vector3 = setting(
+        (0.0, 0.0, 0.0), "what an outside positioning system tracks, from the IMU: forward, right, down", unit="m",
+        live=True,
+    )  # fmt: skip
+    position_latency_ms: float = setting(
+        0.0, "age of an outside position when it arrives", unit="ms", live=True, ge=0.0, le=10000.0
+    )
+    thruster_frame: Literal["standard", "heavy", "off"] = setting(
+        "standard",
+        "BlueROV2 with six thrusters (standard) or eight (heavy); off: another vehicle, thrusters tell nothing",
+        live=True,
+    )
+    origin: str = setting(
+        "",
+        "fixed zero of the map: latitude and longitude in degrees, such as 54.3219, 10.1356; empty: the first fix",
+        live=True,
+        pattern=r"^\s*(-?\d{1,2}(\.\d{1,12})?\s*,\s*-?\d{1,3}(\.\d{1,12})?\s*)?$",
+    )
+    external_position: Literal["off", "gps_input"] = setting(
+        "off",
+        "take GPS_INPUT messages heard on the MAVLink endpoint, as positioning systems under water send them, as "
+        "positions of the vehicle; never together with a forwarded surface GPS",
+        live=True,
+    )
+    odometry_enabled: bool = setting(
+        False,
+        "send our position to the autopilot (ODOMETRY), so that ArduSub can hold it; needs MAVLink on and the "
+        "parameters of the Navigation tab",
+        live=True,
+    )
+    odometry_rate_hz: float = setting(
+        5.0, "how often; the autopilot calls it lost after 0.3 s", unit="Hz", live=True, ge=4.0, le=20.0
+    )
+    odometry_max_std_m: float = setting(
+        10.0, "nothing is sent while the position is less certain than this, one standard deviation", unit="m",
+        live=True, ge=0.5, le=100.0,
+    )  # fmt: skip
+    odometry_heading: bool = setting(
+        False, "the autopilot shall take its heading from us too, instead of from its own compass", live=True
+    )
+    odometry_when_simulated: bool = setting(
+        False, "send positions of a simulated vehicle to a real autopilot: only for a simulated one", live=True
+    )
+
+    @field_validator("origin")
+    @classmethod
+    def _origin_is_on_earth(cls, origin: str) -> str:
+        if origin.strip():
+            latitude_deg, longitude_deg = map(float, origin.split(","))
+            if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
+                raise ValueError("expected latitude -90 to 90 and longitude -180 to 180")
+        return origin
+
+    @property
+    def origin_deg(self) -> tuple[float, float] | None:
+        """The fixed origin, if there is one."""
+        if not self.origin.strip():
+            return None
+        latitude_deg, longitude_deg = map(float, self.origin.split(","))
+        return latitude_deg, longitude_deg
+
+
 class DisplaySettings(Group):
     """Defaults of both pages; a browser may differ."""
 
@@ -240,6 +325,7 @@ class Settings(Group):
     recording: RecordingSettings = RecordingSettings()
     sonar: SonarSettings = SonarSettings()
     sensors: SensorSettings = SensorSettings()
+    navigation: NavigationSettings = NavigationSettings()
     display: DisplaySettings = DisplaySettings()
     paths: PathSettings = PathSettings()
     simulation: SimulationSettings = SimulationSettings()

@@ -21,10 +21,13 @@ from bluerov_slam.pipeline.health_model import (
     HealthFacts,
     LinkFacts,
     MavlinkFacts,
+    NavigationFacts,
     PortState,
     RecorderFacts,
     RecorderState,
+    SensorFacts,
 )
+from bluerov_slam.pipeline.health_navigation import check_navigation
 from bluerov_slam.pipeline.health_sensors import check_ctd, check_depth, check_gps, check_imu, check_sonar, patient
 from bluerov_slam.records import Channel
 
@@ -43,9 +46,11 @@ __all__ = [
     "HealthMonitor",
     "LinkFacts",
     "MavlinkFacts",
+    "NavigationFacts",
     "PortState",
     "RecorderFacts",
     "RecorderState",
+    "SensorFacts",
 ]
 
 _CHECKS: tuple[tuple[str, str, Callable[[float, HealthMemory, HealthFacts], Finding]], ...] = (
@@ -58,6 +63,7 @@ _CHECKS: tuple[tuple[str, str, Callable[[float, HealthMemory, HealthFacts], Find
     ("gps", "GPS", patient(check_gps)),
     ("recorder", "Recorder", check_recorder),
     ("mavlink", "MAVLink", check_mavlink),
+    ("navigation", "Navigation", check_navigation),
 )
 _WORST_FIRST = tuple(FaultLevel)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bluerov_slam.pipeline.link_counters import LinkDecoderCounters
+    from bluerov_slam.records import NavMode, SensorTrust
 
 
 class ChipState(StrEnum):
@@ -119,6 +120,30 @@ class MavlinkFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class SensorFacts:
+    """A sensor that the navigator does not use, and why."""
+
+    name: str
+    trust: SensorTrust
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationFacts:
+    """The navigator and its process. `worker`: off, starting, running or restarting; `heard_s`: of its newest state."""
+
+    worker: str
+    error: str | None = None
+    restarts: int = 0
+    dropped: int = 0
+    save_error: str | None = None
+    mode: NavMode | None = None
+    text: str = ""
+    heard_s: float | None = None
+    distrusted: tuple[SensorFacts, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class HealthFacts:
     """Everything `HealthMonitor.assess` needs besides the records it has seen."""
 
@@ -128,6 +153,7 @@ class HealthFacts:
     counters: LinkDecoderCounters
     wall_trusted: bool | None = None
     extension_version: str = ""
+    navigation: NavigationFacts | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,6 +136,17 @@ def state_text(state: NavState) -> str:
     return text
 
 
+def short_text(state: NavState) -> str:
+    """The same in at most forty characters, for a chip."""
+    ellipse = error_ellipse(state.pose_covariance)
+    within = "" if ellipse is None else f" within {_metres(ellipse.major_m)}"
+    if state.mode is NavMode.AIDED:
+        return f"Known{within}"
+    if state.mode is NavMode.DEAD_RECKONING:
+        return f"Dead reckoning{within}"
+    return "No position yet" if state.mode is NavMode.ATTITUDE else "Starting"
+
+
 def error_ellipse(pose_covariance: NDArray[np.float64] | None) -> Ellipse | None:
     """The 95 % ellipse of the horizontal position, None while that is unknown.
 

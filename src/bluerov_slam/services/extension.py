@@ -29,6 +29,11 @@ from bluerov_slam.services.extension_api import PAGE, ExtensionApi
 from bluerov_slam.services.extension_metrics import StatusCollector, metrics_page
 from bluerov_slam.services.http import WebServer, build_app, build_websocket_port_app
 from bluerov_slam.services.hub import Hub
+from bluerov_slam.services.navigation_api import NavigationApi
+from bluerov_slam.services.navigation_messages import Setup
+from bluerov_slam.services.navigation_service import NavigationService
+from bluerov_slam.services.navigation_settings import NAVIGATOR, changes_estimator, navigator_options
+from bluerov_slam.services.navigation_state_file import boot_id
 from bluerov_slam.services.recording_api import recording_routes
 from bluerov_slam.services.recordings import RecordingStore
 from bluerov_slam.services.sensor_feed import SensorFeed
@@ -66,8 +71,10 @@ class Extension:
         wall: WallClock | None = None,
         wall_time: Callable[[], float] = time.time,
         simulated: bool = False,
+        navigator: str = NAVIGATOR,
     ) -> None:
         settings = store.settings
+        self._navigator = navigator
         self.store = store
         self.hub = Hub()
         self.simulated = simulated
@@ -95,6 +102,15 @@ class Extension:
         self.hub.subscribe(self.mavlink.on_record, SensorSample, CtdSample, GpsFix, ImuBurst, name="MAVLink bridge")
         self.events = EventLog(self.hub, self.topics, self.wall.unix_s)
         self.system_events = SystemEvents(self.hub, self.link, self.wall, self._observed_wall_time)
+        self.navigation = NavigationService(
+            self.hub,
+            self.topics,
+            self._navigation_setup,
+            now_s=source.now_s,
+            unix_s=self.wall.unix_s,
+            simulated=simulated,
+            on_change=lambda: self.status.glance(),
+        )
         self.viewer_link = self._make_viewer_link(settings)
         self.status = self._make_status()
         self.sensors = SensorFeed(
@@ -103,7 +119,11 @@ class Extension:
         self.api = ExtensionApi(self, self.sensors)
         guard = ChangeGuard(lambda: store.settings.http.trusted_origins, lambda: store.settings.http.token)
         metrics = metrics_page(StatusCollector(self.status.data, self._metrics_extra))
-        routes = [*self.api.routes(), *recording_routes(self.recordings, self.recorder)]
+        routes = [
+            *self.api.routes(),
+            *NavigationApi(self.navigation, wall_time).routes(),
+            *recording_routes(self.recordings, self.recorder),
+        ]
         self.http = WebServer(build_app(PAGE, routes, guard=guard, metrics=metrics))
         self.sensor_http = WebServer(build_websocket_port_app("Sensor data", self.bare.handle))
         self._ticker: asyncio.Task[None] | None = None
@@ -126,6 +146,8 @@ class Extension:
         except BaseException:
             await self.stop()
             raise
+        if self.store.settings.navigation.enabled:
+            self.navigation.process.start()
         self.link.start(self._on_link_change)
         self._ticker = self._loop.create_task(self._tick(), name="status")
         for notice in self.store.notices:
@@ -143,6 +165,7 @@ class Extension:
             self.viewer_link.close(),
             self.udp.stop(),
             self.mavlink.stop(),
+            self.navigation.process.stop(),
             asyncio.to_thread(self.recorder.stop) if self.recorder is not None else asyncio.sleep(0),
         )
         await asyncio.gather(self.http.stop(), self.sensor_http.stop())
@@ -172,12 +195,21 @@ class Extension:
             self._aim_forwarding()
         if "mavlink" in groups:
             await self.mavlink.apply(mavlink_options(settings))
+        if "navigation" in groups:
+            await self._apply_navigation(changed)
         if self.recorder is not None and "recording" in groups:
             self.recorder.set_limits(recording_limits(settings))
             if "recording.enabled" in changed:
                 (self.recorder.request_start if settings.recording.enabled else self.recorder.request_stop)()
         self.viewer_link.tell_settings()
         self.status.glance()
+
+    async def _apply_navigation(self, changed: frozenset[str]) -> None:
+        process = self.navigation.process
+        if changes_estimator(changed) or not self.store.settings.navigation.enabled:
+            await process.stop()
+        if self.store.settings.navigation.enabled:
+            process.start()
 
     def recorder_facts(self) -> RecorderFacts:
         """The recorder; switched off in a replay."""
@@ -189,6 +221,7 @@ class Extension:
             try:
                 self.link.tick(self.link.source.now_s())
                 self.system_events.tick()
+                self.navigation.tick()
                 self.status.tick()
                 self.viewer_link.tick()
             except Exception:  # the next second may be better
@@ -197,6 +230,14 @@ class Extension:
     def _on_link_change(self) -> None:
         self.system_events.link_changed()
         self.status.glance()
+
+    def _navigation_setup(self) -> Setup:
+        """A replay keeps and resumes nothing; a simulated vehicle is somewhere else than the real one."""
+        settings = self.store.settings
+        name = "navigation-simulated.json" if self.simulated else "navigation.json"
+        kept = self.link.source.kind == "serial"
+        state_file = str(settings.state_folder.absolute() / name) if kept else None
+        return Setup(self._navigator, navigator_options(settings), state_file, boot_id())
 
     def _aim_forwarding(self) -> None:
         forwarding = self.store.settings.forwarding
@@ -245,6 +286,7 @@ class Extension:
             mavlink_counters=self.mavlink.counters,
             forwarding=lambda: self.udp.counters,
             clients=lambda: self.topics.clients + self.bare.clients,
+            navigation=self.navigation.facts,
         )
         return StatusReport(
             self.hub,
@@ -274,7 +316,7 @@ class Extension:
         return self.recorder.active_name if self.recorder is not None else None
 
     def _greeting(self) -> list[tuple[str, bytes]]:
-        return [("status", self.status.message())]
+        return [("status", self.status.message()), ("navigation", self.navigation.message())]
 
     def _metrics_extra(self) -> dict[str, float]:
         return {

@@ -16,6 +16,7 @@ from bluerov_slam.pipeline.health import (
     HealthMonitor,
     LinkFacts,
     MavlinkFacts,
+    NavigationFacts,
     RecorderFacts,
 )
 from bluerov_slam.pipeline.health_memory import RecentIncrease
@@ -51,6 +52,7 @@ class StatusSources:
     mavlink_counters: Callable[[], Mapping[str, Mapping[str, int]]]
     forwarding: Callable[[], Sequence[ForwardingCounters]]
     clients: Callable[[], int]
+    navigation: Callable[[], NavigationFacts | None] = lambda: None
 
 
 class StatusReport:
@@ -150,6 +152,7 @@ class StatusReport:
             counters=counters,
             wall_trusted=self._wall.is_trusted(),
             extension_version=__version__,
+            navigation=self._sources.navigation(),
         )
         return self._monitor.assess(now_s, facts)
 

@@ -1,0 +1,202 @@
+"""The navigator with what surrounds it in its worker: actions, outcomes of fixes, places, the saved state."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, Protocol, cast
+
+from bluerov_slam.errors import ExpectedError
+from bluerov_slam.pipeline.navigator import NavigatorAction, NavigatorCommand, NavigatorOptions, SavedNavigation
+from bluerov_slam.protocol.navigation_json import FixOutcome
+from bluerov_slam.records import Event, EventLevel, GpsFix, NavState, PositionFix, Record
+from bluerov_slam.services.navigation_messages import Ask, Done, PlacedState, Reply, Setup, Work
+from bluerov_slam.services.navigation_state_file import NavigationStateFile, load_saved
+
+_log = logging.getLogger(__name__)
+
+SAVE_PERIOD_S: Final = 5.0
+CALIBRATION_PERIOD_S: Final = 0.5
+_SENSOR_OF: Final[dict[type, str]] = {GpsFix: "gps", PositionFix: "position"}
+# WGS-84: semi-major axis and first eccentricity squared.
+_A_M: Final = 6_378_137.0
+_E2: Final = 6.694379990141e-3
+
+
+class NavigatorLike(Protocol):
+    """What of `pipeline.navigator.Navigator` is used here."""
+
+    def feed(self, record: Record) -> list[NavState | Event]: ...
+    def command(self, command: NavigatorCommand) -> list[NavState | Event]: ...
+    def expire(self, now_s: float) -> list[NavState | Event]: ...
+    def save(self) -> SavedNavigation: ...
+    def calibrations(self) -> list[Any]: ...
+
+
+class NavigationEngine:
+    """`run` one `Work` after the other. Whatever the navigator raises comes out: its process ends and is begun anew."""
+
+    def __init__(self, setup: Setup, now_s: Callable[[], float] = time.monotonic) -> None:
+        self.resumed: str | None = None
+        self._now_s = now_s
+        self._options = cast(NavigatorOptions, setup.options)
+        saved = self._load(setup)
+        self._navigator = _make_navigator(setup.navigator, self._options, saved)
+        self._file = None if setup.state_file is None else NavigationStateFile(Path(setup.state_file), setup.boot_id)
+        self._saved_s = now_s()
+        self._told_s = -math.inf
+        self._fixes: list[GpsFix | PositionFix] = []
+        self._counts: dict[str, tuple[int, int]] = {}
+
+    def run(self, work: Work) -> Done:
+        """Feed, act, answer."""
+        states: list[PlacedState] = []
+        events: list[Event] = []
+        fixes: list[FixOutcome] = []
+        for record in work.records:
+            if isinstance(record, GpsFix | PositionFix) and record.latitude_deg is not None:
+                self._fixes.append(record)
+            self._sort(self._navigator.feed(record), states, events, fixes)
+        replies = [self._obey(ask, states, events, fixes) for ask in work.asks]
+        if work.expire_s is not None:
+            self._sort(self._navigator.expire(work.expire_s), states, events, fixes)
+        self._save_sometimes()
+        return Done(
+            tuple(states),
+            tuple(events),
+            tuple(fixes),
+            tuple(replies),
+            calibrations=self._calibrations_sometimes(bool(work.asks)),
+            save_error=None if self._file is None else self._file.error,
+        )
+
+    def calibrations(self) -> tuple[Mapping[str, Any], ...]:
+        """Every guided routine and how far it is."""
+        return tuple(asdict(progress) for progress in self._navigator.calibrations())
+
+    def close(self) -> None:
+        """Save for the next start."""
+        if self._file is not None:
+            self._file.save(self._navigator.save().to_json())
+            self._file.close()
+
+    def _sort(
+        self,
+        results: list[NavState | Event],
+        states: list[PlacedState],
+        events: list[Event],
+        fixes: list[FixOutcome],
+    ) -> None:
+        for result in results:
+            if isinstance(result, Event):
+                events.append(result)
+                continue
+            states.append(PlacedState(result, _place(result)))
+            fixes += self._judged(result)
+
+    def _judged(self, state: NavState) -> list[FixOutcome]:
+        """The fixes since the last state: its counters tell whether they were taken."""
+        waiting, self._fixes = self._fixes, []
+        before, counts = self._counts, {sensor.name: (sensor.accepted, sensor.rejected) for sensor in state.sensors}
+        self._counts = counts
+        outcomes = []
+        for fix in waiting:
+            name = _SENSOR_OF[type(fix)]
+            accepted, rejected = counts.get(name, (0, 0))
+            accepted_before, rejected_before = before.get(name, (0, 0))
+            verdict = True if accepted > accepted_before else False if rejected > rejected_before else None
+            outcomes.append(self._outcome(fix, state, verdict))
+        return outcomes
+
+    def _outcome(self, fix: GpsFix | PositionFix, state: NavState, accepted: bool | None) -> FixOutcome:
+        assert fix.latitude_deg is not None
+        assert fix.longitude_deg is not None
+        position_deg = (fix.latitude_deg, fix.longitude_deg)
+        north_m, east_m = _offset(state.origin_deg, position_deg) if state.origin_deg else (None, None)
+        source = _SENSOR_OF[type(fix)]
+        return FixOutcome(fix.measured_s, source, *position_deg, north_m, east_m, self._std_m(fix), accepted)
+
+    def _std_m(self, fix: GpsFix | PositionFix) -> float | None:
+        """One sigma per axis as the navigator takes it."""
+        if isinstance(fix, GpsFix):
+            gps = self._options.gps
+            return gps.std_m_per_hdop * (gps.unknown_hdop if fix.hdop is None else max(fix.hdop, 1.0))
+        if fix.covariance_ne_m2 is None:
+            return None
+        north, _, east = fix.covariance_ne_m2
+        return math.sqrt(max(north, east))
+
+    def _obey(self, ask: Ask, states: list[PlacedState], events: list[Event], fixes: list[FixOutcome]) -> Reply:
+        try:
+            command = NavigatorCommand(NavigatorAction(ask.action), **ask.arguments)
+            results = self._navigator.command(command)
+        except (ExpectedError, ValueError, TypeError) as error:
+            return Reply(ask.number, False, str(error))
+        self._sort(results, states, events, fixes)
+        answers = [result for result in results if isinstance(result, Event)]
+        refused = [event for event in answers if event.level is not EventLevel.INFO]
+        told = refused or answers
+        return Reply(ask.number, not refused, told[-1].text if told else "done")
+
+    def _save_sometimes(self) -> None:
+        if self._file is not None and self._now_s() - self._saved_s >= SAVE_PERIOD_S:
+            self._saved_s = self._now_s()
+            self._file.save(self._navigator.save().to_json())
+
+    def _calibrations_sometimes(self, now: bool) -> tuple[Mapping[str, Any], ...]:
+        if not now and self._now_s() - self._told_s < CALIBRATION_PERIOD_S:
+            return ()
+        self._told_s = self._now_s()
+        return self.calibrations()
+
+    def _load(self, setup: Setup) -> SavedNavigation | None:
+        """What was saved. After another boot of the computer nobody knows how long ago that was, whatever its clock
+        says: only what does not age is taken up, the calibrations.
+        """
+        if setup.state_file is None:
+            return None
+        data, same_boot, fault = load_saved(Path(setup.state_file), setup.boot_id)
+        saved = None if data is None else SavedNavigation.from_json(data)
+        if fault is None and data is not None and saved is None:
+            fault = "the saved navigation is damaged: starting anew"
+        if saved is None:
+            self.resumed = fault
+            return None
+        if not same_boot:
+            return SavedNavigation(at_s=-math.inf, calibration=saved.calibration) if saved.calibration else None
+        if saved.position_known:
+            self.resumed = "going on from the saved position; its uncertainty has grown with the time since"
+        return saved
+
+
+def _make_navigator(path: str, options: NavigatorOptions, saved: SavedNavigation | None) -> NavigatorLike:
+    module, _, name = path.partition(":")
+    factory = getattr(importlib.import_module(module), name)
+    return cast(NavigatorLike, factory(options, saved))
+
+
+def _place(state: NavState) -> tuple[float, float] | None:
+    if state.origin_deg is None or state.position_ned_m is None:
+        return None
+    latitude_deg, longitude_deg = state.origin_deg
+    meridian_m, parallel_m = _radii_m(latitude_deg)
+    north_m, east_m, _ = state.position_ned_m
+    return latitude_deg + math.degrees(north_m / meridian_m), longitude_deg + math.degrees(east_m / parallel_m)
+
+
+def _offset(origin_deg: tuple[float, float], position_deg: tuple[float, float]) -> tuple[float, float]:
+    meridian_m, parallel_m = _radii_m(origin_deg[0])
+    north_m = math.radians(position_deg[0] - origin_deg[0]) * meridian_m
+    return north_m, math.radians(position_deg[1] - origin_deg[1]) * parallel_m
+
+
+def _radii_m(latitude_deg: float) -> tuple[float, float]:
+    """Radius of curvature along the meridian, and of the parallel."""
+    sine = math.sin(math.radians(latitude_deg))
+    root = math.sqrt(1.0 - _E2 * sine * sine)
+    return _A_M * (1.0 - _E2) / root**3, _A_M / root * math.cos(math.radians(latitude_deg))

@@ -1,0 +1,47 @@
+"""The settings of the group `navigation` in the navigator's own words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from bluerov_slam.config import Settings
+from bluerov_slam.pipeline.navigator import NavigatorOptions
+
+NAVIGATOR: Final = "bluerov_slam.pipeline.navigator:Navigator"
+# A change of one of these needs no new estimate.
+_ONLY_SERVICES: Final = (
+    "navigation.odometry_", "navigation.external_position", "navigation.enabled",
+)  # fmt: skip
+_MILLISECOND: Final = 1e-3
+
+
+def navigator_options(settings: Settings) -> NavigatorOptions:
+    """Options as the settings have them; everything else keeps the navigator's own figures."""
+    navigation = settings.navigation
+    options = NavigatorOptions()
+    return replace(
+        options,
+        imu=replace(
+            options.imu,
+            mounting_rpy_deg=navigation.imu_mounting_rpy_deg,
+            latency_s=navigation.imu_latency_ms * _MILLISECOND,
+        ),
+        gps=replace(
+            options.gps,
+            lever_arm_frd_m=navigation.gps_lever_arm_frd_m,
+            latency_s=navigation.gps_latency_ms * _MILLISECOND,
+        ),
+        dvl=replace(options.dvl, lever_arm_frd_m=navigation.dvl_lever_arm_frd_m),
+        fix=replace(
+            options.fix,
+            lever_arm_frd_m=navigation.position_lever_arm_frd_m,
+            latency_s=navigation.position_latency_ms * _MILLISECOND,
+        ),
+        origin_deg=navigation.origin_deg,
+    )
+
+
+def changes_estimator(keys: frozenset[str]) -> bool:
+    """Whether these changed settings need the navigator made anew."""
+    return any(key.startswith("navigation.") and not key.startswith(_ONLY_SERVICES) for key in keys)
