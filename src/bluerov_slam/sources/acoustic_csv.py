@@ -11,6 +11,7 @@ from bisect import bisect_right
 from pathlib import Path
 
 from bluerov_slam.errors import RecordingError
+from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.records import PositionFix, Record
 from bluerov_slam.sources.csv_columns import number, read_rows
 from bluerov_slam.sources.imported_log import ImportedLog, ImportReport, LogClock
@@ -23,8 +24,6 @@ _ORIENTATION_AGE_S = 1.0
 _BOAT_AGE_S = 3.0
 # What the device says where it knows nothing.
 _STD_NONE_M = 100.0
-# WGS-84.
-_AXIS_M, _ECCENTRICITY_2 = 6_378_137.0, 6.694_379_990_14e-3
 
 
 def import_acoustic_folder(folder: Path) -> ImportedLog:
@@ -109,10 +108,7 @@ def _fix(
     x, y, z = antenna_frd_m
     cosine, sine = math.cos(math.radians(yaw_deg[0])), math.sin(math.radians(yaw_deg[0]))
     north_m, east_m = cosine * x - sine * y, sine * x + cosine * y
-    latitude_rad = math.radians(boat_deg[0])
-    flat = 1.0 - _ECCENTRICITY_2 * math.sin(latitude_rad) ** 2
-    latitude_deg = boat_deg[0] + math.degrees(north_m * flat**1.5 / (_AXIS_M * (1.0 - _ECCENTRICITY_2)))
-    longitude_deg = boat_deg[1] + math.degrees(east_m * math.sqrt(flat) / (_AXIS_M * math.cos(latitude_rad)))
+    latitude_deg, longitude_deg, _ = LocalFrame(*boat_deg).to_geodetic(north_m, east_m)
     return PositionFix(at_s, at_s, "water_linked_g2", latitude_deg, longitude_deg, (std_m**2, 0.0, std_m**2), z)
 
 
