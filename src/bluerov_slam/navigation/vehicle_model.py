@@ -68,7 +68,7 @@ T200 = ThrustCurve(
     reverse_shape=(0.364, 1.075),
     dead_band_us=28.0,
 )
-"""Fitted to points of the public data: within 0.9 N at 16 V, 1.1 N at 12 V; full thrust within 0.3 N at 12 to 20 V."""
+"""Fitted to points of the public data: within 0.9 N at 16 V, 1.2 N at 12 V; full thrust within 0.3 N at 12 to 20 V."""
 
 
 @dataclass(frozen=True, slots=True)
