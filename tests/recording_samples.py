@@ -13,10 +13,14 @@ from bluerov_slam.records import (
     FixType,
     GpsFix,
     LinkBytes,
+    NavMode,
+    NavSensor,
+    NavState,
     Ping,
     Record,
     Sender,
     SensorSample,
+    SensorTrust,
 )
 from bluerov_slam.sinks.mcap_recorder import Clocks, Recorder, RecordingLimits
 
@@ -76,6 +80,24 @@ def ping(channel: Channel, at_s: float, number: int = 0, samples: int = 100) -> 
     """A ping whose samples count up."""
     values = (np.arange(samples) + number).astype(np.uint8)
     return Ping(channel, 0, 0, number, at_s, at_s, 0.02, 0, values)
+
+
+def nav_state(at_s: float, mode: NavMode = NavMode.AIDED, reset_counter: int = 0) -> NavState:
+    """An estimate of a vehicle under way off Brittany."""
+    rng = np.random.default_rng(round(at_s * 1000.0))
+    spread = rng.standard_normal((6, 6))
+    return NavState(
+        measured_s=at_s, arrived_s=at_s + 0.01, mode=mode, origin_deg=(48.1, -4.5),
+        position_ned_m=(10.0 + at_s, -3.25, 4.5), velocity_ned_mps=(0.5, 0.01, -0.02),
+        quaternion_ned_frd=(0.9, 0.1, -0.1, 0.4), angular_rate_frd_radps=None,
+        pose_covariance=spread @ spread.T, velocity_covariance_m2ps2=np.diag([0.01, 0.02, 0.03]),
+        depth_m=4.5, depth_std_m=0.05, altitude_m=None, current_ne_mps=(0.1, -0.05), current_std_mps=(0.1, 0.1),
+        last_fix_s=at_s - 1.0, distance_m=123.4, reset_counter=reset_counter,
+        sensors=(
+            NavSensor("imu", SensorTrust.USED, "", 1000, 0, at_s, None, 0),
+            NavSensor("gps", SensorTrust.IGNORED, "under water", 20, 3, None, 1.1, 20),
+        ),
+    )  # fmt: skip
 
 
 def feed(target: Recorder, clock: FakeClocks, seconds: float, block: bytes = b"\xaa\x55 link bytes") -> list[LinkBytes]:

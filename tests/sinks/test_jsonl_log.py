@@ -4,9 +4,10 @@ import os
 
 import pytest
 
+from bluerov_slam.records import PositionFix
 from bluerov_slam.sinks import append_file
 from bluerov_slam.sinks.jsonl_log import JsonlLog, SensorLines
-from recording_samples import ctd_sample, sensor_sample
+from recording_samples import WALL_AT_START_NS, FakeClocks, ctd_sample, feed, nav_state, recorder, sensor_sample
 
 
 def test_a_line_waits_for_the_water_computed_from_its_sample():
@@ -70,3 +71,28 @@ def test_an_existing_log_is_never_written_over(tmp_path):
     with pytest.raises(FileExistsError):
         JsonlLog(path)
     assert path.read_bytes() == b"old\n"
+
+
+def test_estimates_and_positions_have_lines_of_their_own(tmp_path):
+    clock = FakeClocks()
+    target = recorder(tmp_path, clock, simulated=True)
+    feed(target, clock, 0.1)
+    fix = PositionFix(clock.now_s, clock.now_s, "acoustics", 48.1, -4.5, (1.0, 0.0, 4.0), 3.0)
+    target.observe(fix)
+    for step in range(40):
+        target.observe(nav_state(clock.now_s + step * 0.05))
+    target.finish()
+    lines = [json.loads(line) for line in next(tmp_path.glob("session_*/*.jsonl")).read_bytes().splitlines()]
+    typed = [line for line in lines if "type" in line]
+    assert typed[0] == {
+        "type": "position_fix", "source": "acoustics", "latitude_deg": 48.1, "longitude_deg": -4.5,
+        "covariance_ne_m2": [1.0, 0.0, 4.0], "depth_m": 3.0, "t_mono": clock.now_s,
+        "t_unix": pytest.approx(clock.now_s + WALL_AT_START_NS * 1e-9),
+    }  # fmt: skip
+    states = typed[1:]
+    assert {line["type"] for line in states} == {"navigation"}
+    assert [round(line["t_mono"] - clock.now_s, 2) for line in states] == [0.0, 0.6, 1.2, 1.8]
+    north_m = states[0]["position"]["north_m"]
+    assert states[0]["position"]["latitude_deg"] == pytest.approx(48.1 + north_m / 111_200.0, abs=1e-6)
+    assert states[0]["simulated"] is True
+    assert len(lines) - len(typed) == 1

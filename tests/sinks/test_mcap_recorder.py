@@ -446,7 +446,7 @@ def test_when_much_waits_decoded_pings_give_way_to_raw_bytes(tmp_path, clock, fu
     assert target.facts().dropped == 0
     pings = sum(len(messages(part, topic)) for part in parts for topic in ("/ping/a", "/ping/b"))
     assert 12 < pings < 112
-    assert any(f"{112 - pings} decoded pings and IMU bursts were left out" in text for text in told)
+    assert any(f"{112 - pings} decoded pings, IMU bursts and estimates were left out" in text for text in told)
 
 
 @pytest.mark.parametrize("what", ["session", "moved", "mcap", "jsonl", "everything"])

@@ -11,21 +11,27 @@ from bluerov_slam.protocol.waterfall_frame import pack_ping
 from bluerov_slam.records import (
     ImuBurst,
     LinkBytes,
+    NavMode,
+    NavState,
     Ping,
+    PositionFix,
     Record,
     SensorSample,
     SonarFrames,
     VehicleAttitude,
     VehicleBattery,
+    VehicleDepth,
     VehicleMotionDelta,
+    VehicleRange,
     VehicleServoOutput,
 )
 from bluerov_slam.sinks.mcap_log import JSON_TOPICS, encode_record
 from bluerov_slam.sinks.mcap_recorder import RecordingLimits
 from bluerov_slam.sinks.mcap_recovery import scan_mcap
-from bluerov_slam.sources.recording_reader import VEHICLE_TOPICS, open_recording
+from bluerov_slam.sources.recorded_json import VEHICLE_TOPICS
+from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import ReplaySource, decode
-from recording_samples import FakeClocks, feed, recorder
+from recording_samples import FakeClocks, feed, nav_state, recorder
 from simulated_dive import record_dive
 
 FAULTS = ("kind=garbage at=6 duration=0.5", "kind=reset at=12")
@@ -158,6 +164,10 @@ VEHICLE = (
     VehicleServoOutput(6.2, 2000, tuple(range(1500, 1516))),
     VehicleBattery(6.3, None, 2.5, 80),
     VehicleMotionDelta(6.4, 3000, 0.5, (0.0, 0.0, 0.1), (0.5, 0.0, -0.1), 90.0),
+    VehicleDepth(6.5, 4000, 123456.0, None, 12.5),
+    VehicleRange(6.6, 4100, 3.25, None),
+    PositionFix(6.65, 6.7, "gps_input", 48.1, -4.5, (1.0, 0.25, 2.0), 3.0),
+    PositionFix(6.75, 6.8, "gps_input", 48.1, -4.5, None),
 )
 
 
@@ -180,6 +190,38 @@ def test_the_vehicles_own_messages_come_back_as_the_same_records_in_their_place(
     assert received == [*blocks[:10], *VEHICLE, *blocks[10:]]
     assert list(decode(open_recording(session))) == list(VEHICLE)
     assert {topic: kind for kind, topic in JSON_TOPICS.items() if "/vehicle/" in topic} == VEHICLE_TOPICS
+
+
+def test_estimates_come_back_as_they_were_five_a_second(tmp_path):
+    clock = FakeClocks()
+    target = recorder(tmp_path, clock)
+    feed(target, clock, 0.1)
+    states = [nav_state(clock.now_s + step * 0.05) for step in range(100)]
+    for state in states:
+        target.observe(state)
+    target.finish()
+    recording = open_recording(next(tmp_path.glob("session_*")))
+    read = list(recording.navigation())
+    assert len(read) == 25
+    by_time = {state.measured_s: state for state in states}
+    for state in read:
+        original = by_time[state.measured_s]
+        for name in NavState.__dataclass_fields__:
+            np.testing.assert_equal(getattr(state, name), getattr(original, name))
+    assert np.ptp(np.diff([state.measured_s for state in read])) < 1e-6
+    assert not any(isinstance(record, NavState) for record in decode(recording))
+
+
+def test_no_change_of_mode_and_no_jump_is_thinned_out(tmp_path):
+    clock = FakeClocks()
+    target = recorder(tmp_path, clock)
+    feed(target, clock, 0.1)
+    told = [(0.0, NavMode.AIDED, 0), (0.05, NavMode.DEAD_RECKONING, 0), (0.1, NavMode.DEAD_RECKONING, 1)]
+    for after_s, mode, counter in told:
+        target.observe(nav_state(clock.now_s + after_s, mode, counter))
+    target.finish()
+    read = list(open_recording(next(tmp_path.glob("session_*"))).navigation())
+    assert [(state.mode, state.reset_counter) for state in read] == [told_[1:] for told_ in told]
 
 
 async def test_a_replay_tells_what_the_vehicle_said(dive_with_vehicle):

@@ -259,6 +259,7 @@ class Extension:
             settings.recordings_folder,
             recording_limits(settings),
             enabled=settings.recording.enabled,
+            simulated=self.simulated,
             decoder_settings=_plain(decoder_settings(settings)),
             on_event=self._tell_from_thread,
         )

@@ -1,4 +1,7 @@
-"""The plain sensor log: one line per SENSORS frame, the seed's JSON plus `t_mono` and `t_unix`."""
+"""The plain log: a line per SENSORS frame (the seed's JSON) and position from outside, and twice a second the estimate.
+
+Every line has `t_mono` and `t_unix`; lines that are not of a SENSORS frame say what they are in `type`.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ from typing import Any
 
 import orjson
 
+from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.pipeline.link_decoder import SonarActivity
+from bluerov_slam.protocol.navigation_json import navigation_json
 from bluerov_slam.protocol.sensor_json import sensor_json
-from bluerov_slam.records import Channel, CtdSample, SensorSample
+from bluerov_slam.records import Channel, CtdSample, NavState, PositionFix, SensorSample
 from bluerov_slam.sinks.append_file import AppendFile
 
 
@@ -50,6 +55,36 @@ class SensorLines:
         content["t_mono"] = sample.measured_s
         content["t_unix"] = None if self._wall_offset_s is None else sample.measured_s + self._wall_offset_s
         return orjson.dumps(content, option=orjson.OPT_APPEND_NEWLINE)
+
+
+class NavigationLines:
+    """Turns estimates and positions into lines."""
+
+    def __init__(self, wall_offset_ns: int, simulated: bool) -> None:
+        self._wall_offset_s = wall_offset_ns * 1e-9
+        self._simulated = simulated
+
+    def state(self, state: NavState) -> bytes:
+        """The line of an estimate: the topic's `data`."""
+        place = None
+        if state.origin_deg is not None and state.position_ned_m is not None:
+            place = LocalFrame(*state.origin_deg).to_geodetic(*state.position_ned_m)[:2]
+        return self._line("navigation", state.measured_s, navigation_json(state, place, simulated=self._simulated))
+
+    def fix(self, fix: PositionFix) -> bytes:
+        """The line of a position from outside, its fields by their own names."""
+        content = {
+            "source": fix.source,
+            "latitude_deg": fix.latitude_deg,
+            "longitude_deg": fix.longitude_deg,
+            "covariance_ne_m2": fix.covariance_ne_m2,
+            "depth_m": fix.depth_m,
+        }
+        return self._line("position_fix", fix.measured_s, content)
+
+    def _line(self, kind: str, at_s: float, content: dict[str, Any]) -> bytes:
+        line = {"type": kind, **content, "t_mono": at_s, "t_unix": at_s + self._wall_offset_s}
+        return orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE)
 
 
 class JsonlLog:

@@ -43,6 +43,7 @@ WALL_STEP_S = 0.5
 PRE_ROLL_BYTES = 64 * 1024
 # What a queued record costs beside its payload.
 _RECORD_BYTES = 1024
+_NAVIGATION_BYTES = 4096
 _BLOCK_BYTES = 192
 
 # A decoded record of one of these types proves that the link carries valid frames.
@@ -54,8 +55,9 @@ _VALID_FRAME = (
     records.CommandAck,
     records.SonarFrames,
 )
-# The bulk of what is decoded: left out first when the disk does not keep up, because the raw bytes hold it too.
-_BULK = (records.Ping, records.ImuBurst)
+# The bulk of what is decoded or estimated: left out first when the disk does not keep up, because it can be made anew
+# from the raw bytes.
+_BULK = (records.Ping, records.ImuBurst, records.NavState)
 # Rebuilt from the raw bytes, or of no use later.
 _NOT_RECORDED = (records.SonarFrames, records.UnknownFrame)
 
@@ -105,12 +107,14 @@ class Recorder:
         limits: RecordingLimits | None = None,
         *,
         enabled: bool = True,
+        simulated: bool = False,
         decoder_settings: Mapping[str, object] | None = None,
         on_event: Callable[[records.EventLevel, str], None] | None = None,
         clocks: Clocks | None = None,
     ) -> None:
         self.folder = folder
         self.limits = limits or RecordingLimits()
+        self._simulated = simulated
         self._decoder_settings = dict(decoder_settings or {})
         self._on_event = on_event
         self._clocks = clocks or Clocks()
@@ -327,6 +331,7 @@ class Recorder:
         metadata = {
             "bluerov_slam_version": __version__,
             "decoder_settings": orjson.dumps(self._decoder_settings).decode(),
+            "simulated": "true" if self._simulated else "false",
         }
         self._session = SessionWriter(self.folder, SessionStart(first_ns, wall_ns - (now_ns - first_ns), metadata))
         self._wall_offset_ns = wall_ns - now_ns
@@ -388,7 +393,7 @@ class Recorder:
         if self._error is not None:
             self._error = None
             left_out, self._left_out = self._left_out, 0
-            note = f"; {left_out} decoded pings and IMU bursts were left out, the raw bytes hold them"
+            note = f"; {left_out} decoded pings, IMU bursts and estimates were left out, the raw bytes hold them"
             if self._armed:
                 self._tell(records.EventLevel.INFO, "recording works again" + (note if left_out else ""))
 
@@ -462,6 +467,8 @@ def _cost(record: records.Record) -> int:
         return len(record.data) + _BLOCK_BYTES
     if isinstance(record, records.Ping):
         return len(record.samples) + _RECORD_BYTES
+    if isinstance(record, records.NavState):
+        return _NAVIGATION_BYTES
     return _RECORD_BYTES
 
 

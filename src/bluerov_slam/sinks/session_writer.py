@@ -14,7 +14,7 @@ from typing import Any
 
 from bluerov_slam import records
 from bluerov_slam.errors import RecordingError
-from bluerov_slam.sinks.jsonl_log import JsonlLog, SensorLines
+from bluerov_slam.sinks.jsonl_log import JsonlLog, NavigationLines, SensorLines
 from bluerov_slam.sinks.mcap_log import PING_TOPICS, McapLog, to_ns
 from bluerov_slam.sinks.mcap_recovery import recover_mcap
 from bluerov_slam.sinks.session_file import change_session, new_session
@@ -24,6 +24,9 @@ _log = logging.getLogger(__name__)
 # GPS UTC and the wall clock may differ by this much before the wall clock counts as wrong: NMEA arrives up to 1 s late.
 TRUSTED_OFFSET_S = 2.0
 _GPS_FIXES_KEPT = 15
+# Estimates are recorded this far apart: the inputs are recorded whole, so that each can be made anew.
+NAVIGATION_PERIOD_S = 0.2
+NAVIGATION_LINE_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,9 @@ class SessionWriter:
         self._mcap: McapLog | None = None
         self._jsonl: JsonlLog | None = None
         self._lines = SensorLines(self.wall_offset_ns)
+        self._navigation_lines = NavigationLines(self.wall_offset_ns, start.metadata.get("simulated") == "true")
+        self._navigation_due = _Thinning(NAVIGATION_PERIOD_S)
+        self._navigation_line_due = _Thinning(NAVIGATION_LINE_PERIOD_S)
         self._lines_failed = 0
         self._unflushed: list[records.Record] = []
         self._cut: list[Path] = []
@@ -86,12 +92,14 @@ class SessionWriter:
 
     def write(self, record: records.Record) -> None:
         """Take one record for the next flush."""
+        if isinstance(record, records.NavState) and not self._navigation_due.wants(record):
+            return
         self._unflushed.append(record)
         if self._mcap is not None:
             self._last_ns = max(self._last_ns, _write_mcap(self._mcap, record))
-        if isinstance(record, records.SensorSample | records.CtdSample) and self._jsonl is not None:
+        if self._jsonl is not None:
             self._write_line(self._jsonl, record)
-        elif isinstance(record, records.Ping):
+        if isinstance(record, records.Ping):
             self.pings[record.channel] += 1
         elif isinstance(record, records.GpsFix):
             self._note_gps(record)
@@ -193,14 +201,19 @@ class SessionWriter:
         self._repair_cut_parts()
         self.save(closed=not self._cut)
 
-    def _write_line(self, jsonl: JsonlLog, record: records.SensorSample | records.CtdSample) -> None:
+    def _write_line(self, jsonl: JsonlLog, record: records.Record) -> None:
         try:
-            jsonl.write(self._lines.feed(record))
+            if isinstance(record, records.SensorSample | records.CtdSample):
+                jsonl.write(self._lines.feed(record))
+            elif isinstance(record, records.PositionFix):
+                jsonl.write([self._navigation_lines.fix(record)])
+            elif isinstance(record, records.NavState) and self._navigation_line_due.wants(record):
+                jsonl.write([self._navigation_lines.state(record)])
         except (TypeError, ValueError, ArithmeticError, LookupError):
             # Never at the cost of the raw bytes, from which it can be made again.
             self._lines_failed += 1
             if self._lines_failed == 1:
-                _log.exception("a sensor sample has no line in the text log; the raw bytes are recorded")
+                _log.exception("a %s has no line in the text log; the recording holds it", type(record).__name__)
 
     def _open_mcap(self) -> McapLog:
         path = self.folder / f"link_{self._part:03d}.mcap"
@@ -258,6 +271,27 @@ class SessionWriter:
             "wall_clock_trusted": None if offset_s is None else abs(offset_s) <= TRUSTED_OFFSET_S,
             "wall_steps": self._wall_steps,
         }
+
+
+class _Thinning:
+    """Lets an estimate through at most once in `period_s`, but each one that brings a new mode or a jump."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._before: records.NavState | None = None
+
+    def wants(self, state: records.NavState) -> bool:
+        before = self._before
+        wanted = (
+            before is None
+            or state.mode is not before.mode
+            or state.reset_counter != before.reset_counter
+            # Half a period of a 20 Hz estimate early is on time.
+            or not 0.0 <= state.measured_s - before.measured_s < self._period_s - 0.025
+        )
+        if wanted:
+            self._before = state
+        return wanted
 
 
 def _write_mcap(mcap: McapLog, record: records.Record) -> int:
