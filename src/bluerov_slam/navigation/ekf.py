@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,16 +69,22 @@ class UpdateResult:
 
 
 class Recorder(Protocol):
-    """Takes what a smoother needs. Arrays are the recorder's own to keep."""
+    """Takes what a smoother needs. Arrays but for the estimate and its covariance are the recorder's to keep."""
 
-    def predicted(self, estimate: NavEstimate, covariance: Array, top: Array, decay: Array) -> None:
-        """A prediction ended in this estimate and covariance (to be copied)."""
+    def predicted(self, estimate: NavEstimate, covariance: Array, top: Array | None, decay: Array | None) -> None:
+        """A prediction ended in this estimate and covariance; without a transition: the filter begins with them."""
 
-    def updated(self, jacobian: Array, gain: Array, weighted_inverse: Array, residual: Array, reset: Array) -> None:
+    def updated(self, jacobian: Array, gain: Array, inverse: Array, residual: Array, reset: Array) -> None:
         """A measurement was used; `reset` (3, 3) turns the attitude's error to the corrected attitude."""
 
     def block_reset(self, place: slice) -> None:
         """What was known of these states was thrown away."""
+
+    def mark(self) -> Any:
+        """Where `rewind` can go back to."""
+
+    def rewind(self, mark: Any) -> None:
+        """Forget what came after `mark`."""
 
 
 class ErrorStateFilter:
@@ -104,6 +110,8 @@ class ErrorStateFilter:
         """IMU samples that were no numbers or lay in the past."""
         self.refused_measurements = 0
         """Measurements that held no numbers or had no valid covariance."""
+        if recorder is not None:
+            recorder.predicted(self.estimate, self.covariance, None, None)
 
     @property
     def at_s(self) -> float:

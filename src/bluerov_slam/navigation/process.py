@@ -128,7 +128,7 @@ class Earth:
 
 
 def normal_gravity_mps2(latitude_deg: float) -> float:
-    """Gravity on the WGS-84 ellipsoid by Somigliana's formula (NIMA TR8350.2, 4.1). Check: 45 deg -> 9.80620 m/s2."""
+    """Gravity on the WGS-84 ellipsoid by Somigliana's formula (NIMA TR8350.2, 4.1). Check: 45 deg -> 9.806198 m/s2."""
     square = math.sin(math.radians(latitude_deg)) ** 2
     return 9.7803253359 * (1.0 + 0.00193185265241 * square) / math.sqrt(1.0 - 0.00669437999013 * square)
 
