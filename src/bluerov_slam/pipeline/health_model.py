@@ -137,6 +137,7 @@ class NavigationFacts:
     restarts: int = 0
     dropped: int = 0
     save_error: str | None = None
+    odometry_problem: str | None = None
     mode: NavMode | None = None
     text: str = ""
     heard_s: float | None = None

@@ -85,5 +85,15 @@ def _state(navigation: NavigationFacts, age_s: float, facts: HealthFacts) -> Fin
             level=FaultLevel.WARNING,
             age_s=age_s,
         )
+    if navigation.odometry_problem:
+        return wrong(
+            "odometry_stopped",
+            "Autopilot gets no position",
+            f"{navigation.odometry_problem}.",
+            "Do not rely on position hold. Take a fix at the surface, or raise navigation.odometry_max_std_m; switch "
+            "navigation.odometry_enabled off if you do not need it.",
+            level=FaultLevel.WARNING,
+            age_s=age_s,
+        )
     known = navigation.mode in (NavMode.AIDED, NavMode.DEAD_RECKONING)
     return Finding(ChipState.OK if known else ChipState.UNKNOWN, navigation.text, age_s=age_s)

@@ -34,6 +34,7 @@ from bluerov_slam.services.navigation_messages import Setup
 from bluerov_slam.services.navigation_service import NavigationService
 from bluerov_slam.services.navigation_settings import NAVIGATOR, changes_estimator, navigator_options
 from bluerov_slam.services.navigation_state_file import boot_id
+from bluerov_slam.services.navigation_vehicle import NavigationVehicle
 from bluerov_slam.services.recording_api import recording_routes
 from bluerov_slam.services.recordings import RecordingStore
 from bluerov_slam.services.sensor_feed import SensorFeed
@@ -102,6 +103,14 @@ class Extension:
         self.hub.subscribe(self.mavlink.on_record, SensorSample, CtdSample, GpsFix, ImuBurst, name="MAVLink bridge")
         self.events = EventLog(self.hub, self.topics, self.wall.unix_s)
         self.system_events = SystemEvents(self.hub, self.link, self.wall, self._observed_wall_time)
+        self.vehicle = NavigationVehicle(
+            self.mavlink,
+            self.hub,
+            lambda: store.settings,
+            source.now_s,
+            replay=source.kind == "replay",
+            simulated=simulated,
+        )
         self.navigation = NavigationService(
             self.hub,
             self.topics,
@@ -109,6 +118,7 @@ class Extension:
             now_s=source.now_s,
             unix_s=self.wall.unix_s,
             simulated=simulated,
+            odometry=self.vehicle.odometry,
             on_change=lambda: self.status.glance(),
         )
         self.viewer_link = self._make_viewer_link(settings)
@@ -121,7 +131,7 @@ class Extension:
         metrics = metrics_page(StatusCollector(self.status.data, self._metrics_extra))
         routes = [
             *self.api.routes(),
-            *NavigationApi(self.navigation, wall_time).routes(),
+            *NavigationApi(self.navigation, self.vehicle.parameters, wall_time).routes(),
             *recording_routes(self.recordings, self.recorder),
         ]
         self.http = WebServer(build_app(PAGE, routes, guard=guard, metrics=metrics))
@@ -221,6 +231,7 @@ class Extension:
             try:
                 self.link.tick(self.link.source.now_s())
                 self.system_events.tick()
+                self.vehicle.tick()
                 self.navigation.tick()
                 self.status.tick()
                 self.viewer_link.tick()

@@ -11,6 +11,7 @@ from aiohttp import web
 
 from bluerov_slam.errors import ConfigError
 from bluerov_slam.services.http import Route, json_response, read_json_object
+from bluerov_slam.services.navigation_autopilot import AutopilotParameters
 from bluerov_slam.services.navigation_service import NavigationService
 from bluerov_slam.services.navigation_track import DEFAULT_POINTS
 
@@ -38,12 +39,25 @@ _BODY: Final = {
     },
 }
 
+_AUTOPILOT_BODY: Final = {
+    "type": "object",
+    "required": ["action", "confirm"],
+    "additionalProperties": False,
+    "properties": {"action": {"type": "string", "enum": ["set_parameters"]}, "confirm": {"type": "boolean"}},
+}
+
 
 class NavigationApi:
     """Handlers over the running navigation."""
 
-    def __init__(self, navigation: NavigationService, wall_time: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        navigation: NavigationService,
+        parameters: AutopilotParameters,
+        wall_time: Callable[[], float] = time.time,
+    ) -> None:
         self._navigation = navigation
+        self._parameters = parameters
         self._wall_time = wall_time
 
     def routes(self) -> list[Route]:
@@ -54,6 +68,8 @@ class NavigationApi:
             Route("GET", "/api/navigation/track", self.track, "Where it has been, thinned"),
             Route("GET", "/api/navigation/calibration", self.calibration, "Calibrations and the dive-start assistant"),
             Route("POST", "/api/navigation", self.act, "Zero the depth, set the origin, calibrate", body=_BODY),
+            Route("GET", "/api/navigation/autopilot", self.autopilot, "Parameters that ODOMETRY needs"),
+            Route("POST", "/api/navigation/autopilot", self.set_parameters, "Set them", body=_AUTOPILOT_BODY),
         ]  # fmt: skip
 
     async def state(self, _request: web.Request) -> web.Response:
@@ -72,6 +88,17 @@ class NavigationApi:
         if action.endswith("_calibration"):
             arguments["unix_s"] = self._wall_time()
         return json_response({"ok": True, "message": await self._navigation.act(action, arguments)})
+
+    async def autopilot(self, _request: web.Request) -> web.Response:
+        return json_response(await self._parameters.read())
+
+    async def set_parameters(self, request: web.Request) -> web.Response:
+        body = await read_json_object(request)
+        if body.get("action") != "set_parameters":
+            raise ConfigError(f"action = {body.get('action')!r}: expected set_parameters")
+        if body.get("confirm") is not True:
+            raise ConfigError('setting parameters of the autopilot needs "confirm": true')
+        return json_response({"ok": True, "parameters": await self._parameters.set_needed()})
 
 
 def action_of(body: dict[str, Any]) -> tuple[str, dict[str, Any]]:

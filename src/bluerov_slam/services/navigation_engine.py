@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
 from bluerov_slam.errors import ExpectedError
+from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.pipeline.navigator import NavigatorAction, NavigatorCommand, NavigatorOptions, SavedNavigation
 from bluerov_slam.protocol.navigation_json import FixOutcome
 from bluerov_slam.records import Event, EventLevel, GpsFix, NavState, PositionFix, Record
@@ -23,9 +24,6 @@ _log = logging.getLogger(__name__)
 SAVE_PERIOD_S: Final = 5.0
 CALIBRATION_PERIOD_S: Final = 0.5
 _SENSOR_OF: Final[dict[type, str]] = {GpsFix: "gps", PositionFix: "position"}
-# WGS-84: semi-major axis and first eccentricity squared.
-_A_M: Final = 6_378_137.0
-_E2: Final = 6.694379990141e-3
 
 
 class NavigatorLike(Protocol):
@@ -117,7 +115,9 @@ class NavigationEngine:
         assert fix.latitude_deg is not None
         assert fix.longitude_deg is not None
         position_deg = (fix.latitude_deg, fix.longitude_deg)
-        north_m, east_m = _offset(state.origin_deg, position_deg) if state.origin_deg else (None, None)
+        north_m, east_m = None, None
+        if state.origin_deg is not None:
+            north_m, east_m, _ = LocalFrame(*state.origin_deg).to_ned_m(*position_deg)
         source = _SENSOR_OF[type(fix)]
         return FixOutcome(fix.measured_s, source, *position_deg, north_m, east_m, self._std_m(fix), accepted)
 
@@ -183,20 +183,4 @@ def _make_navigator(path: str, options: NavigatorOptions, saved: SavedNavigation
 def _place(state: NavState) -> tuple[float, float] | None:
     if state.origin_deg is None or state.position_ned_m is None:
         return None
-    latitude_deg, longitude_deg = state.origin_deg
-    meridian_m, parallel_m = _radii_m(latitude_deg)
-    north_m, east_m, _ = state.position_ned_m
-    return latitude_deg + math.degrees(north_m / meridian_m), longitude_deg + math.degrees(east_m / parallel_m)
-
-
-def _offset(origin_deg: tuple[float, float], position_deg: tuple[float, float]) -> tuple[float, float]:
-    meridian_m, parallel_m = _radii_m(origin_deg[0])
-    north_m = math.radians(position_deg[0] - origin_deg[0]) * meridian_m
-    return north_m, math.radians(position_deg[1] - origin_deg[1]) * parallel_m
-
-
-def _radii_m(latitude_deg: float) -> tuple[float, float]:
-    """Radius of curvature along the meridian, and of the parallel."""
-    sine = math.sin(math.radians(latitude_deg))
-    root = math.sqrt(1.0 - _E2 * sine * sine)
-    return _A_M * (1.0 - _E2) / root**3, _A_M / root * math.cos(math.radians(latitude_deg))
+    return LocalFrame(*state.origin_deg).to_geodetic(*state.position_ned_m)[:2]

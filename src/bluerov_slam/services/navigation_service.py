@@ -15,6 +15,7 @@ from bluerov_slam.records import Event, EventLevel, NavMode, SensorTrust
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.navigation_assistant import DiveStartAssistant
 from bluerov_slam.services.navigation_messages import Done, PlacedState, Setup
+from bluerov_slam.services.navigation_odometry import OdometrySender
 from bluerov_slam.services.navigation_process import NavigationProcess, WorkerState
 from bluerov_slam.services.navigation_track import NavigationTrack
 from bluerov_slam.sinks.websocket import Broadcaster
@@ -44,7 +45,7 @@ class NavigationService:
         now_s: Callable[[], float],
         unix_s: Callable[[float], float],
         simulated: bool,
-        odometry: Callable[[], dict[str, Any] | None] = lambda: None,
+        odometry: OdometrySender,
         on_change: Callable[[], None] = lambda: None,
     ) -> None:
         self.track = NavigationTrack(unix_s)
@@ -90,7 +91,7 @@ class NavigationService:
             latest.position_deg,
             text=text,
             fix=self._fix,
-            odometry=self._odometry(),
+            odometry=self._odometry.json(),
             now_s=max(now_s, latest.state.measured_s),
             simulated=self._simulated,
         )
@@ -105,6 +106,7 @@ class NavigationService:
             restarts=worker.restarts,
             dropped=worker.dropped if self._drops_are_recent(now_s) else 0,
             save_error=self._save_error,
+            odometry_problem=self._odometry.problem,
             mode=state.mode if state is not None else None,
             text=short_text(state) if state is not None else "",
             heard_s=state.arrived_s if state is not None else None,
@@ -188,6 +190,4 @@ class NavigationService:
         return now_s - self._dropped_s < DROPS_SHOWN_S
 
     def _nothing(self, mode: str, text: str) -> dict[str, Any]:
-        data = nothing_json(mode, text, simulated=self._simulated)
-        odometry = self._odometry()
-        return data if odometry is None else {**data, "odometry": odometry}
+        return {**nothing_json(mode, text, simulated=self._simulated), "odometry": self._odometry.json()}

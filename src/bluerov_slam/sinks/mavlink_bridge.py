@@ -1,9 +1,9 @@
 """Our sensors as MAVLink for QGroundControl, Cockpit and ArduSub, and the vehicle's own messages as records.
 
 A guest on the vehicle's network: component 197, heartbeat as an onboard controller (never a ground station), no
-parameter written, nothing invalid sent, nothing sent before the user switches it on. Ground stations do not tell
-the components of one vehicle apart when they draw the horizon and the GPS icon, so while the autopilot reports its
-own ATTITUDE or GPS_RAW_INT, ours is held back (unless the user wants both).
+parameter written unasked, nothing invalid sent, nothing sent before the user switches it on. Ground stations do not
+tell the components of one vehicle apart when they draw the horizon and the GPS icon, so while the autopilot reports
+its own ATTITUDE or GPS_RAW_INT, ours is held back (unless the user wants both).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from bluerov_slam.pipeline.health import Fault, FaultLevel, MavlinkFacts
 from bluerov_slam.protocol import mavlink_map
 from bluerov_slam.records import CtdSample, GpsFix, ImuBurst, Record, SensorSample
-from bluerov_slam.sinks.mavlink_transport import Mavlink2RestTransport, Transport, UdpTransport
+from bluerov_slam.sinks.mavlink_transport import Mavlink2RestTransport, OnMessage, Transport, UdpTransport
 
 _log = logging.getLogger(__name__)
 
@@ -98,6 +98,12 @@ class MavlinkBridge:
         self._device_ms: int | None = None
         self._faults: dict[str, Fault] = {}
         self._status_text_id = 0
+        self.listeners: list[OnMessage] = []
+
+    @property
+    def system_id(self) -> int:
+        """The vehicle's MAVLink system, as which we speak too."""
+        return self._options.system_id
 
     async def start(self) -> None:
         """Open the way out if MAVLink is switched on."""
@@ -152,6 +158,13 @@ class MavlinkBridge:
             rates = record.angular_rate_radps.mean(axis=0)
             self._rates = (self._now_s(), (float(rates[0]), float(rates[1]), float(rates[2])))
 
+    def send(self, name: str, fields: Mapping[str, Any]) -> bool:
+        """Send a message of another part of the extension; false while MAVLink is off or has no way out."""
+        if self._transport is None or not self._transport.send(name, fields):
+            return False
+        self._sent[name] += 1
+        return True
+
     def update_faults(self, faults: Sequence[Fault]) -> None:
         """STATUSTEXT for each fault that came or went since the last call."""
         current = {fault.id: fault for fault in faults}
@@ -190,7 +203,7 @@ class MavlinkBridge:
         if options.send_attitude and (fields := mavlink_map.attitude_fields(sample, self._fresh_rates())):
             self._send_unless_autopilot_does("ATTITUDE", fields)
         if options.send_scaled_pressure and (fields := mavlink_map.scaled_pressure_fields(sample)):
-            self._send("SCALED_PRESSURE", fields)
+            self.send("SCALED_PRESSURE", fields)
         if self._now_s() - self._gps_frame_s > GPS_FRAME_HOLD_S:
             self._send_gps(mavlink_map.gps_raw_int_fields_of_sample(sample))
 
@@ -204,7 +217,7 @@ class MavlinkBridge:
         # Of the SENSORS frame it was computed from: all that we send counts from the start of the board.
         boot_ms = self._device_ms % mavlink_map.UINT32_RANGE
         for name, value in mavlink_map.named_values(ctd):
-            self._send("NAMED_VALUE_FLOAT", {"time_boot_ms": boot_ms, "name": name.encode(), "value": value})
+            self.send("NAMED_VALUE_FLOAT", {"time_boot_ms": boot_ms, "name": name.encode(), "value": value})
 
     def _send_gps(self, fields: Mapping[str, Any] | None) -> None:
         if fields and self._options.send_gps_raw_int:
@@ -217,7 +230,7 @@ class MavlinkBridge:
             if listening or now_s - self._autopilot_s.get(name, -math.inf) < AUTOPILOT_HOLD_S:
                 self._held_back[name] += 1
                 return
-        self._send(name, fields)
+        self.send(name, fields)
 
     def _send_status_text(self, text: str, severity: int) -> None:
         chunks = mavlink_map.status_text_chunks(text)
@@ -229,11 +242,7 @@ class MavlinkBridge:
                 "id": self._status_text_id if len(chunks) > 1 else 0,
                 "chunk_seq": number,
             }
-            self._send("STATUSTEXT", fields)
-
-    def _send(self, name: str, fields: Mapping[str, Any]) -> None:
-        if self._transport is not None and self._transport.send(name, fields):
-            self._sent[name] += 1
+            self.send("STATUSTEXT", fields)
 
     def _fresh_rates(self) -> tuple[float, float, float] | None:
         if self._rates is None or self._now_s() - self._rates[0] > RATE_MAX_AGE_S:
@@ -247,8 +256,11 @@ class MavlinkBridge:
         from_autopilot = system_id == self._options.system_id and component_id == AUTOPILOT_COMPONENT
         if from_autopilot:
             self._autopilot_s[name] = now_s
-        # DVL drivers speak with identities of their own (BlueOS's as 255/0); all else we read is the autopilot's.
-        if from_autopilot or name == "VISION_POSITION_DELTA":
+        for listener in self.listeners:
+            listener(system_id, component_id, name, fields)
+        # Drivers of a DVL or an echo sounder speak with identities of their own (BlueOS's as 255/0); all else is the
+        # autopilot's.
+        if from_autopilot or name in ("VISION_POSITION_DELTA", "DISTANCE_SENSOR"):
             record = mavlink_map.vehicle_record(name, fields, now_s)
             if record is not None:
                 self._publish(record)
@@ -263,5 +275,5 @@ class MavlinkBridge:
             "mavlink_version": 3,
         }
         while True:
-            self._send("HEARTBEAT", fields)
+            self.send("HEARTBEAT", fields)
             await asyncio.sleep(HEARTBEAT_PERIOD_S)
