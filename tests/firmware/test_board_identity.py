@@ -28,6 +28,7 @@ from bluerov_slam.simulation.board import Port, Sink
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.reference_board import ReferenceBoard
 from bluerov_slam.simulation.scenario import SCENARIOS, Scenario
+from bluerov_slam.simulation.scene import DifferencedMotion
 from bluerov_slam.simulation.vehicle import VehicleState
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.native_board import NativeBoard
@@ -66,7 +67,7 @@ DAMAGE = (
 )
 
 
-class DivingScene:
+class DivingScene(DifferencedMotion):
     """Any depth down to 90 m within minutes, and echoes out of a bank: the bytes matter here, not the seabed."""
 
     origin_latitude_deg, origin_longitude_deg = -33.9, 151.2

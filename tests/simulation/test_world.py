@@ -2,12 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bluerov_slam.simulation.scene import geodetic, metres_from
 from bluerov_slam.simulation.sonar import PORT, STARBOARD, SideScan
-from bluerov_slam.simulation.vehicle import SPEED_MPS, SURFACE_TIME_S, SurveyVehicle, VehicleState
+from bluerov_slam.simulation.vehicle import VehicleState
 from bluerov_slam.simulation.water import (
     WaterProfile,
     conductivity_s_per_m,
@@ -15,8 +13,6 @@ from bluerov_slam.simulation.water import (
     sound_speed_mps,
 )
 from bluerov_slam.simulation.world import TILE_M, World, build_world
-
-STEP_S = 0.05
 
 
 def flat_world(depth_m: float = 15.0) -> World:
@@ -91,34 +87,6 @@ def test_the_surface_shows_as_a_faint_line_at_the_vehicles_depth() -> None:
 def test_a_ping_out_of_reach_of_the_bottom_is_dark() -> None:
     sonar = SideScan(flat_world(500.0), STARBOARD, 1)
     assert sonar.ping(still(5.0), 200, 0.01, 100).mean() < 10.0
-
-
-@given(st.floats(0.0, 3_000.0))
-def test_the_vehicle_moves_and_turns_without_jumps(mission_s: float) -> None:
-    vehicle = SurveyVehicle(9.0)
-    before, after = vehicle.state(mission_s), vehicle.state(mission_s + STEP_S)
-    assert math.hypot(after.north_m - before.north_m, after.east_m - before.east_m) <= SPEED_MPS * STEP_S + 1.0e-9
-    assert abs(after.depth_m - before.depth_m) < 0.7 * STEP_S
-    assert abs(math.remainder(after.yaw_rad - before.yaw_rad, 2.0 * math.pi)) < 0.3 * STEP_S
-    assert abs(after.roll_rad - before.roll_rad) < 0.35 * STEP_S + 0.04  # banks as a turn begins
-
-
-def test_the_vehicle_floats_then_dives_then_comes_up_again() -> None:
-    vehicle = SurveyVehicle(9.0)
-    assert vehicle.state(SURFACE_TIME_S / 2).fix_possible
-    assert not vehicle.state(60.0).fix_possible
-    assert vehicle.state(120.0).depth_m == pytest.approx(9.0, abs=0.1)
-    surfacings = [t for t in range(60, 900) if vehicle.state(t).fix_possible and not vehicle.state(t - 1).fix_possible]
-    assert len(surfacings) >= 2
-
-
-def test_the_track_closes() -> None:
-    vehicle = SurveyVehicle(9.0)
-    start = vehicle.state(100.0)
-    turn_m = math.pi * 5.0
-    length_m = 6 * 50.0 + 5 * turn_m + turn_m + 40.0
-    again = vehicle.state(100.0 + length_m / SPEED_MPS)
-    assert (again.north_m, again.east_m) == pytest.approx((start.north_m, start.east_m), abs=1e-6)
 
 
 def test_salinity_check_value_and_its_inversion() -> None:

@@ -11,6 +11,7 @@ from bluerov_slam.protocol.kogger_bundle import Bundle, Coding, compress_ping, e
 from bluerov_slam.protocol.ping_assembly import ChartChunk
 from bluerov_slam.protocol.sensor_frame import unpack_sensors
 from bluerov_slam.records import Channel
+from bluerov_slam.simulation.place import magnetic_field_ned_nt
 from bluerov_slam.simulation.scenario import SCENARIOS
 from bluerov_slam.simulation.scene import RecordedScene, RecordedSurvey
 from bluerov_slam.simulation.sonar import PORT, STARBOARD
@@ -96,7 +97,9 @@ def test_the_sonars_send_the_recording_and_the_sensors_its_navigation(wreck: Rec
     *_, fields = (f for kind, p in frames if kind == MessageType.SENSORS and (f := unpack_sensors(p)))
     truth = scene.state(30.5)
     assert fields.depth_cm / 100 == pytest.approx(truth.depth_m, abs=0.05)
-    assert fields.yaw_cdeg / 100 == pytest.approx(np.degrees(truth.yaw_rad), abs=0.5)
+    field = magnetic_field_ned_nt(scene.origin_latitude_deg, scene.origin_longitude_deg, scenario.utc_start_unix_s)
+    magnetic_rad = truth.yaw_rad - np.arctan2(field[1], field[0])  # a compass knows no other north
+    assert fields.yaw_cdeg / 100 == pytest.approx(np.degrees(magnetic_rad), abs=0.5)
 
 
 @pytest.mark.data

@@ -114,7 +114,9 @@ class AttachedInstruments:
         now_s = self._timeline.now_s
         self._schedule_imu(now_s + 1.0 / self._imu.settings.rate_hz)
         if self._is_heard("imu"):
-            for packet in self._imu.shown(witmotion_packets(self._instruments.imu(now_s))):
+            for packet in self._imu.shown(
+                witmotion_packets(self._instruments.imu(now_s, 1.0 / self._imu.settings.rate_hz))
+            ):
                 self.lines[Port.IMU].send(packet, now_s)
 
     def _report_position(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import cast, get_type_hints
 
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.simulation.conditions import CONDITIONS, FAMILIES
 from bluerov_slam.simulation.faults import Fault, fault_from_mapping
 from bluerov_slam.simulation.water import WaterProfile
 
@@ -17,7 +18,9 @@ class Scenario:
 
     `mission_start_s` skips that much of the mission (0 = at the surface before the first dive). `uptime_s` is the
     board's age at the start. `b_starts_mid_ping`: sonar B is switched on in the middle of a ping. `new_sensors`: IMU
-    and conductivity probe are as from the factory, and the board has to set them up.
+    and conductivity probe are as from the factory, and the board has to set them up. `conditions` and `noise_family`
+    say how hard sea and instruments are (`conditions.py`), `thrusters` which frame flies; `uncalibrated`: IMU and
+    compass as delivered.
     """
 
     name: str = "survey"
@@ -46,10 +49,15 @@ class Scenario:
     uptime_s: float = 0.0
     new_sensors: bool = False
     boot_count: int = 7
+    conditions: str = "calm"
+    noise_family: str = "nominal"
+    thrusters: int = 6
+    dvl: bool = False
+    uncalibrated: bool = False
     faults: tuple[Fault, ...] = ()
 
 
-_FRESH_WATER = WaterProfile(24.0, 22.5, 0.25, 0.25, 1.0, 0.5, 998.0)
+_FRESH_WATER = WaterProfile(24.0, 22.5, 0.25, 0.25, 1.0, 0.5, 997.4, 0.3)
 
 SCENARIOS = {
     "survey": Scenario(),
@@ -98,7 +106,14 @@ _RANGES: dict[str, tuple[float, float]] = {
     "uptime_s": (0.0, 5.0e6),
     "boot_count": (0, 65_535),
 }
-_CHOICES = {"checksum_a": ("mod256", "mod255"), "checksum_b": ("mod256", "mod255"), "coding": ("mean", "peak", "coded")}
+_CHOICES: dict[str, tuple[object, ...]] = {
+    "checksum_a": ("mod256", "mod255"),
+    "checksum_b": ("mod256", "mod255"),
+    "coding": ("mean", "peak", "coded"),
+    "conditions": tuple(CONDITIONS),
+    "noise_family": FAMILIES,
+    "thrusters": (6, 8),
+}
 
 
 def scenario_from_mapping(values: Mapping[str, object]) -> Scenario:
@@ -134,7 +149,7 @@ def _checked(key: str, value: object, wanted: object) -> object:
     if key == "water":
         return _water(value)
     if key in _CHOICES and value not in _CHOICES[key]:
-        raise ConfigError(f"scenario: {key} must be one of {', '.join(_CHOICES[key])}, not {value!r}")
+        raise ConfigError(f"scenario: {key} must be one of {', '.join(map(str, _CHOICES[key]))}, not {value!r}")
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if not isinstance(value, cast(type, wanted)) or (wanted is int and isinstance(value, bool)):

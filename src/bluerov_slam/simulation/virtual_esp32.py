@@ -64,11 +64,12 @@ class VirtualEsp32:
         baud: int = 115_200,
         scene: Scene | None = None,
         board: Board | None = None,
+        instruments: Instruments | None = None,
     ) -> None:
         self.scenario = scenario
         self.scene = scene or SimulatedScene(scenario)
         self.board: Board = board or ReferenceBoard(legacy=scenario.legacy)
-        self.instruments = Instruments(scenario, self.scene)
+        self.instruments = instruments or Instruments(scenario, self.scene)
         self.plugged = True
         self._rate = 1.0 + scenario.clock_drift_ppm * 1.0e-6
         self._clock = DeviceClock(-scenario.uptime_s, self._rate)

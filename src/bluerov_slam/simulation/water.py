@@ -23,7 +23,10 @@ _PRESSURE_D = (3.426e-2, 4.464e-4, 4.215e-1, -3.107e-3)
 
 @dataclass(frozen=True, slots=True)
 class WaterProfile:
-    """Two layers joined by a thermocline; the defaults are a temperate coast in summer."""
+    """Two layers joined by a thermocline; the defaults are a temperate coast in summer.
+
+    `density_kg_per_m3` is that of the upper layer, `density_step_kg_per_m3` how much more the lower one has.
+    """
 
     surface_temperature_degc: float = 17.6
     bottom_temperature_degc: float = 12.4
@@ -32,6 +35,7 @@ class WaterProfile:
     thermocline_depth_m: float = 5.0
     thermocline_thickness_m: float = 1.2
     density_kg_per_m3: float = 1025.0
+    density_step_kg_per_m3: float = 1.4
 
     def temperature_degc(self, depth_m: float) -> float:
         """Temperature at a depth."""
@@ -41,9 +45,16 @@ class WaterProfile:
         """Practical salinity at a depth."""
         return self._mix(self.surface_salinity_psu, self.bottom_salinity_psu, depth_m)
 
-    def pressure_pa(self, depth_m: float) -> float:
-        """Absolute pressure at a depth, with one density for the whole column."""
-        return SURFACE_PRESSURE_PA + self.density_kg_per_m3 * GRAVITY_MPS2 * max(0.0, depth_m)
+    def pressure_pa(self, depth_m: float, gravity_mps2: float = GRAVITY_MPS2) -> float:
+        """Absolute pressure at a depth: the weight of both layers above it, and of the air."""
+        depth_m = max(0.0, depth_m)
+        middle_m, width_m = self.thermocline_depth_m, self.thermocline_thickness_m
+        # The integral of (1 + tanh((z - middle) / width)) / 2 from the surface down.
+        lower_m = 0.5 * depth_m + 0.5 * width_m * (
+            _log_cosh((depth_m - middle_m) / width_m) - _log_cosh(middle_m / width_m)
+        )
+        mass_per_m2 = self.density_kg_per_m3 * depth_m + self.density_step_kg_per_m3 * lower_m
+        return SURFACE_PRESSURE_PA + mass_per_m2 * gravity_mps2
 
     def conductivity_s_per_m(self, depth_m: float) -> float:
         """Conductivity at a depth."""
@@ -90,6 +101,11 @@ def sound_speed_mps(temperature_degc: float, salinity_psu: float, depth_m: float
     t, s, d = temperature_degc, salinity_psu - 35.0, depth_m
     temperature_part = 1448.96 + 4.591 * t - 5.304e-2 * t**2 + 2.374e-4 * t**3
     return temperature_part + 1.340 * s + 1.630e-2 * d + 1.675e-7 * d**2 - 1.025e-2 * t * s - 7.139e-13 * t * d**3
+
+
+def _log_cosh(x: float) -> float:
+    """Without overflow far from zero."""
+    return abs(x) + math.log1p(math.exp(-2.0 * abs(x))) - math.log(2.0)
 
 
 def _polynomial(coefficients: tuple[float, ...], x: float) -> float:
