@@ -54,12 +54,12 @@ class FrozenWatch:
         self._at_least = at_least
         self._value: object = None
         self._since_s = 0.0
-        self._count = 0
+        self.count = 0
 
     def check(self, value: object, at_s: float) -> bool:
         """Whether the value has been frozen for so long that it is no measurement any more."""
         if value != self._value:
-            self._value, self._since_s, self._count = value, at_s, 1
+            self._value, self._since_s, self.count = value, at_s, 1
             return False
-        self._count += 1
-        return self._count >= self._at_least and at_s - self._since_s >= self._after_s
+        self.count += 1
+        return self.count >= self._at_least and at_s - self._since_s >= self._after_s
