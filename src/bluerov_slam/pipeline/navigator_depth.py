@@ -1,0 +1,159 @@
+"""Depth from pressure: the surface pressure of this dive, the water's density, and whether the pressure is one at all."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING
+
+from bluerov_slam.navigation.seawater import (
+    SEA_WATER_DENSITY_KG_PER_M3,
+    STANDARD_ATMOSPHERE_PA,
+    STANDARD_GRAVITY_MPS2,
+)
+from bluerov_slam.pipeline.navigator_watch import FrozenWatch, TimeWatch
+from bluerov_slam.pipeline.navigator_words import Fault
+
+if TYPE_CHECKING:
+    from bluerov_slam.pipeline.navigator_options import DepthOptions
+    from bluerov_slam.pipeline.navigator_sensors import SensorStatus
+    from bluerov_slam.records import CtdSample, SensorSample
+
+# The first moments at the surface give the surface pressure: long enough to average a few waves.
+ZERO_OVER_S = 10.0
+FIRST_S = 1.0
+NEAR_SURFACE_M = 0.5
+# A working MS5837 moves by a digit (1 Pa, or 10 Pa from an old firmware) several times a second.
+FROZEN_AFTER_S = 5.0
+FROZEN_AT_LEAST = 12
+PRESSURE_POSSIBLE_PA = (50_000.0, 3.2e6)
+# Fresh to Dead Sea; what a CTD says beyond it is a fault of the CTD.
+DENSITY_POSSIBLE_KG_PER_M3 = (990.0, 1050.0)
+DENSITY_SMOOTHING = 0.02
+DENSITY_BELOW_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class DepthReading:
+    """Depth of the sensor below the surface at an instant."""
+
+    at_s: float
+    depth_m: float
+
+
+class DepthIntake:
+    """Pressures in, depths out."""
+
+    def __init__(self, options: DepthOptions, status: SensorStatus, surface_pressure_pa: float | None = None) -> None:
+        self._options = options
+        self._status = status
+        self._times = TimeWatch(2.0)
+        self._frozen = FrozenWatch(FROZEN_AFTER_S, FROZEN_AT_LEAST)
+        self._taken_s = -math.inf
+        self._first: list[tuple[float, float]] = []
+        self._recent: deque[tuple[float, float]] = deque()
+        self.surface_pressure_pa = surface_pressure_pa
+        self.zeroed_by_user = False
+        self.zeroed_itself = surface_pressure_pa is not None
+        self._zeroing_s: float | None = None
+        self.density_kg_per_m3 = SEA_WATER_DENSITY_KG_PER_M3
+        self.density_known = False
+
+    @property
+    def bias_std_m(self) -> float:
+        """How well the zero is known."""
+        if self.zeroed_by_user:
+            return self._options.zeroed_bias_std_m
+        return self._options.bias_std_m if self.zeroed_itself else self._options.unzeroed_bias_std_m
+
+    def scale_std_m(self, depth_m: float) -> float:
+        """What an unknown density does to a depth."""
+        return 0.0 if self.density_known else self._options.density_relative_std * abs(depth_m)
+
+    def water(self, record: CtdSample) -> None:
+        """Density from the vehicle's own CTD."""
+        temperature, salinity = record.temperature_degc, record.salinity_psu
+        if temperature is None or salinity is None or not math.isfinite(temperature + salinity):
+            return
+        density = water_density_kg_per_m3(temperature, salinity)
+        low, high = DENSITY_POSSIBLE_KG_PER_M3
+        # A probe in the air reads no salt at all: only what is under water says what the water is.
+        if not low <= density <= high or record.depth_m is None or record.depth_m < DENSITY_BELOW_M:
+            return
+        if not self.density_known:
+            self.density_kg_per_m3, self.density_known = density, True
+        self.density_kg_per_m3 += DENSITY_SMOOTHING * (density - self.density_kg_per_m3)
+
+    def sample(self, record: SensorSample) -> DepthReading | None:
+        """The depth of one SENSORS frame, None where there is none to be used."""
+        if record.pressure_pa is None:
+            return None
+        self._status.hear(record.arrived_s)
+        pressure_pa = record.pressure_pa
+        fault = self._times.check(record.measured_s, record.arrived_s)
+        if fault is Fault.REPEATED_TIME and not self._times.hangs:
+            return None
+        low, high = PRESSURE_POSSIBLE_PA
+        if not math.isfinite(pressure_pa):
+            fault = Fault.NOT_A_NUMBER
+        elif not low <= pressure_pa <= high:
+            fault = Fault.PRESSURE_RANGE
+        elif self._frozen.check(pressure_pa, record.measured_s):
+            fault = Fault.FROZEN
+        if fault is not None:
+            self._status.refuse(fault, record.arrived_s)
+            return None
+        at_s = record.measured_s - self._options.latency_s
+        self._learn_zero(at_s, pressure_pa)
+        if self.surface_pressure_pa is None:
+            return None
+        self._recent.append((at_s, pressure_pa))
+        while self._recent[0][0] < at_s - 2.0:
+            self._recent.popleft()
+        if at_s - self._taken_s < self._options.period_s - 1e-3:
+            return None
+        self._taken_s = at_s
+        return DepthReading(at_s, self.depth_m(pressure_pa))
+
+    def depth_m(self, pressure_pa: float) -> float:
+        """Depth at a pressure, by constant density; the density is the mean of the water above the vehicle."""
+        assert self.surface_pressure_pa is not None
+        return (pressure_pa - self.surface_pressure_pa) / (self.density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+
+    def zero_here(self) -> bool:
+        """The user says that this is the surface. False: no pressure is known."""
+        if not self._recent:
+            return False
+        self.surface_pressure_pa = median(pressure for _, pressure in self._recent)
+        self.zeroed_by_user, self.zeroed_itself, self._zeroing_s = True, True, None
+        return True
+
+    def _learn_zero(self, at_s: float, pressure_pa: float) -> None:
+        """The first second gives a zero at once; the next few, if the vehicle stays up, a better one."""
+        if self.surface_pressure_pa is None:
+            self._first.append((at_s, pressure_pa))
+            if at_s - self._first[0][0] < FIRST_S:
+                return
+            middle = median(pressure for _, pressure in self._first)
+            low, high = self._options.surface_pressure_range_pa
+            self.zeroed_itself = low <= middle <= high
+            self.surface_pressure_pa = middle if self.zeroed_itself else STANDARD_ATMOSPHERE_PA
+            self._zeroing_s = self._first[0][0] if self.zeroed_itself else None
+        elif self._zeroing_s is not None:
+            self._first.append((at_s, pressure_pa))
+            if abs(self.depth_m(pressure_pa)) > NEAR_SURFACE_M or at_s - self._zeroing_s > ZERO_OVER_S:
+                self._zeroing_s = None
+                self._first.clear()
+                return
+            self.surface_pressure_pa = median(pressure for _, pressure in self._first)
+
+
+def water_density_kg_per_m3(temperature_degc: float, salinity_psu: float) -> float:
+    """Density of the upper tens of metres, within 0.1 % of the equation of state for 0 to 35 degC and 0 to 42 PSU.
+
+    Check: 10 degC, 35 PSU -> 1027 kg/m3 (EOS-80: 1026.95); 20 degC, 0 PSU -> 998.2 (998.21).
+    """
+    fresh = 1000.0 - 0.0051 * (temperature_degc - 4.0) ** 2 * (1.0 + 0.006 * (20.0 - temperature_degc))
+    return fresh + salinity_psu * (0.802 - 0.002 * (temperature_degc - 10.0))

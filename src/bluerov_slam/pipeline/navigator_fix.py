@@ -1,0 +1,162 @@
+"""Position fixes from outside and a DVL's velocities: what of them may be believed, and how far."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bluerov_slam.navigation.ekf import Innovation
+from bluerov_slam.navigation.measurements import GroundVelocity, HorizontalPosition
+from bluerov_slam.pipeline.navigator_gps import Fix
+from bluerov_slam.pipeline.navigator_watch import TimeWatch, all_finite
+from bluerov_slam.pipeline.navigator_words import Fault
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from bluerov_slam.navigation.state import NavEstimate, StateLayout
+    from bluerov_slam.pipeline.navigator_options import DvlOptions, FixOptions
+    from bluerov_slam.pipeline.navigator_sensors import SensorStatus
+    from bluerov_slam.records import PositionFix, VehicleMotionDelta
+
+    Array = NDArray[np.float64]
+
+FIX_WANDER = "fix_wander"
+OLDEST_FIX_S = 10.0
+# Beyond these a covariance is a mistake of whoever made it.
+STD_POSSIBLE_M = (0.01, 1000.0)
+# How fast the learned standard deviation follows what the filter finds: a few dozen fixes.
+LEARNING = 0.03
+DVL_INTERVAL_S = (0.01, 2.0)
+DVL_FASTEST_MPS = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class WanderingPosition:
+    """A position whose slow error is a state of its own, the block `fix_wander`."""
+
+    position: HorizontalPosition
+
+    @property
+    def sensor(self) -> str:
+        """As the position's."""
+        return self.position.sensor
+
+    @property
+    def at_s(self) -> float:
+        """As the position's."""
+        return self.position.at_s
+
+    def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
+        """z = (p + R l + wander) north, east."""
+        innovation = self.position.evaluate(estimate, layout)
+        if innovation is None or FIX_WANDER not in layout:
+            return innovation
+        place = layout[FIX_WANDER]
+        jacobian = innovation.jacobian
+        jacobian[0, place.start] = jacobian[1, place.start + 1] = 1.0
+        return Innovation(innovation.residual - estimate.values[place], jacobian, innovation.noise)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedFix:
+    """A fix with its whole covariance, (2, 2) north and east."""
+
+    fix: Fix
+    covariance_m2: Array
+
+
+class FixIntake:
+    """PositionFix in, fixes with an uncertainty out."""
+
+    def __init__(self, options: FixOptions, status: SensorStatus) -> None:
+        self._options = options
+        self._status = status
+        self._times = TimeWatch(OLDEST_FIX_S)
+        self._scale = 1.0
+
+    def take(self, record: PositionFix) -> StatedFix | None:
+        """A fix to be offered to the filter, None if it is none."""
+        self._status.hear(record.arrived_s)
+        fault = self._times.check(record.measured_s, record.arrived_s)
+        if fault is Fault.REPEATED_TIME and not self._times.hangs:
+            return None
+        place = (record.latitude_deg, record.longitude_deg)
+        if not all_finite(place):
+            fault = Fault.NOT_A_NUMBER
+        elif abs(record.latitude_deg) > 90.0 or abs(record.longitude_deg) > 360.0 or max(map(abs, place)) < 1e-3:
+            fault = Fault.IMPOSSIBLE
+        covariance = self._covariance(record)
+        if covariance is None:
+            fault = fault or Fault.IMPOSSIBLE
+        if fault is not None or covariance is None:
+            self._status.refuse(fault or Fault.IMPOSSIBLE, record.arrived_s)
+            return None
+        std_m = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
+        fix = Fix(record.measured_s - self._options.latency_s, record.arrived_s, *place, std_m)
+        return StatedFix(fix, covariance)
+
+    def learn(self, nis: float, dof: int, accepted: bool, stated: bool) -> None:
+        """How well the last fix fitted, which is how the error of a source that states none is found out."""
+        if stated or not accepted:
+            return
+        low, high = (limit / self._options.std_m for limit in self._options.std_limits_m)
+        self._scale = min(max(self._scale * math.exp(LEARNING * (min(nis / dof, 4.0) - 1.0)), low), high)
+
+    def _covariance(self, record: PositionFix) -> Array | None:
+        if record.covariance_ne_m2 is None:
+            std_m = self._options.std_m * self._scale
+            return std_m * std_m * np.eye(2)
+        north, both, east = record.covariance_ne_m2
+        if not all_finite((north, both, east)):
+            return None
+        low, high = (std * std for std in STD_POSSIBLE_M)
+        if not (low <= north <= high and low <= east <= high and both * both < north * east):
+            return None
+        return np.array([[north, both], [both, east]])
+
+
+class DvlIntake:
+    """VISION_POSITION_DELTA in, velocities over ground out."""
+
+    def __init__(self, options: DvlOptions, status: SensorStatus) -> None:
+        self._options = options
+        self._status = status
+        self._times = TimeWatch(2.0)
+
+    def take(
+        self, record: VehicleMotionDelta, measured_s: float, angular_rate_frd_radps: Array | None
+    ) -> GroundVelocity | None:
+        """The mean velocity over the message's interval, at its middle."""
+        self._status.hear(record.arrived_s)
+        fault = self._times.check(measured_s, record.arrived_s)
+        if fault is Fault.REPEATED_TIME and not self._times.hangs:
+            return None
+        shortest_s, longest_s = DVL_INTERVAL_S
+        if not all_finite((*record.displacement_frd_m, record.interval_s, record.confidence_percent)):
+            fault = Fault.NOT_A_NUMBER
+        elif not shortest_s <= record.interval_s <= longest_s:
+            fault = fault or Fault.IMPOSSIBLE
+        elif record.confidence_percent < self._options.bad_below_percent:
+            fault = fault or Fault.DVL_CONFIDENCE
+        if fault is not None:
+            self._status.refuse(fault, record.arrived_s)
+            return None
+        velocity = np.array(record.displacement_frd_m) / record.interval_s
+        speed = math.sqrt(float(velocity @ velocity))
+        if speed > DVL_FASTEST_MPS:
+            self._status.refuse(Fault.IMPOSSIBLE, record.arrived_s)
+            return None
+        self._status.wait_for(None, record.arrived_s)
+        std_mps = math.hypot(self._options.std_mps, self._options.std_per_mps * speed)
+        rate = np.zeros(3) if angular_rate_frd_radps is None else angular_rate_frd_radps
+        return GroundVelocity(
+            measured_s - 0.5 * record.interval_s,
+            velocity,
+            std_mps * std_mps * np.eye(3),
+            rate,
+            self._options.lever_arm_frd_m,
+        )
