@@ -40,19 +40,20 @@ class NavigatorCommand:
 class SavedNavigation:
     """What a restart needs, as plain numbers: `SavedNavigation.from_json(saved.to_json())` is the same.
 
-    `at_s` is the host's monotonic clock, which starts anew with the host: whoever keeps the file notes the wall clock
-    beside it and passes the age to `Navigator`. None or empty where unknown.
+    `at_s` is the host's monotonic clock, which starts anew with the host: whoever keeps the file must know whether it is
+    the same boot, or pass the age to `Navigator`. `layout` names the blocks of the error state, `values` (n,) holds them
+    and `covariance` their covariance, row by row from the diagonal on. None or empty where unknown.
     """
 
     at_s: float
     version: int = SAVED_VERSION
     origin_deg: tuple[float, float] | None = None
     position_known: bool = False
-    position_ned_m: tuple[float, float, float] | None = None
-    velocity_ned_mps: tuple[float, float, float] | None = None
     quaternion_ned_frd: tuple[float, float, float, float] | None = None
-    blocks: dict[str, list[float]] = field(default_factory=dict)
-    standard_deviations: dict[str, list[float]] = field(default_factory=dict)
+    layout: tuple[tuple[str, int], ...] = ()
+    values: tuple[float, ...] = ()
+    covariance: tuple[float, ...] = ()
+    last_fix_s: float | None = None
     surface_pressure_pa: float | None = None
     distance_m: float = 0.0
     reset_counter: int = 0
@@ -70,30 +71,42 @@ class SavedNavigation:
         known = {each.name for each in fields(cls)}
         try:
             values = {name: value for name, value in data.items() if name in known}
-            for name, size in (
-                ("origin_deg", 2),
-                ("position_ned_m", 3),
-                ("velocity_ned_mps", 3),
-                ("quaternion_ned_frd", 4),
-            ):
-                values[name] = _vector(values.get(name), size)
-            saved = cls(**values)
-            blocks = [saved.blocks, saved.standard_deviations]
-            numbers = [saved.at_s, saved.distance_m, saved.reset_counter]
-            for block in blocks:
-                numbers += [float(number) for row in block.values() for number in row]
-            finite = all(math.isfinite(float(number)) for number in numbers)
-        except (TypeError, ValueError, AttributeError):
+            values["origin_deg"] = _vector(values.get("origin_deg"), 2)
+            values["quaternion_ned_frd"] = _vector(values.get("quaternion_ned_frd"), 4)
+            layout = tuple((str(name), int(size)) for name, size in values.get("layout") or ())
+            states = sum(size for _, size in layout)
+            values["layout"] = layout
+            values["values"] = _vector(values.get("values") or (), states)
+            values["covariance"] = _vector(values.get("covariance") or (), states * (states + 1) // 2)
+            numbers = [values[name] for name in ("at_s", "distance_m", "reset_counter") if name in values]
+            optional = [values.get(name) for name in ("surface_pressure_pa", "last_fix_s")]
+            _vector([*numbers, *(number for number in optional if number is not None)], None)
+            if not isinstance(values.get("calibration", {}), dict):
+                return None
+            return cls(**values)
+        except (TypeError, ValueError):
             return None
-        return saved if finite else None
 
 
-def _vector(value: object, size: int) -> Any:
+def _vector(value: object, size: int | None) -> Any:
     if value is None:
         return None
-    if not isinstance(value, (list, tuple)) or len(value) != size:
+    if not isinstance(value, (list, tuple)) or (size is not None and len(value) != size):
         raise ValueError("wrong size")
     vector = tuple(float(number) for number in value)
     if not all(math.isfinite(number) for number in vector):
         raise ValueError("not a number")
     return vector
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationProgress:
+    """How far one guided routine is. `instruction`: what to do now; `residual` in `unit`: what was left after it."""
+
+    kind: str
+    state: str  # none, running, ready or done
+    progress: float | None
+    instruction: str
+    residual: float | None
+    unit: str
+    made_unix_s: float | None

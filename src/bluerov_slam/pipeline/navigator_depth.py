@@ -1,4 +1,4 @@
-"""Depth from pressure: the surface pressure of this dive, the water's density, and whether the pressure is one at all."""
+"""Depth from pressure: the surface pressure of this dive, the water's density, and whether it is a pressure at all."""
 
 from __future__ import annotations
 

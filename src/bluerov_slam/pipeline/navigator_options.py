@@ -37,8 +37,8 @@ class ImuOptions:
     angle_tilt_std_rad: float = math.radians(1.0)
     angle_heading_std_rad: float = math.radians(3.0)
     # Without an IMU velocity and attitude walk. [logs] yaw rate 17 to 23 deg/s at the 95th percentile.
-    kinematic_rate_radps: float = 0.15
-    kinematic_acceleration_mps2: float = 0.15
+    kinematic_attitude_walk_rad: float = 0.35
+    kinematic_velocity_walk_mps: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +50,7 @@ class CompassOptions:
     deviation_std_rad: Vector = (math.radians(1.75), math.radians(1.75), math.radians(1.75))
     # [choice] without one: hard iron of a tenth to a fifth of the horizontal field.
     uncalibrated_deviation_std_rad: Vector = (math.radians(5.0), math.radians(12.0), math.radians(12.0))
+    swung_std_rad: float = math.radians(0.5)  # [choice] what a compass swing leaves beside its own stated error
     deviation_walk_rad: float = 2e-5
     wander_std_rad: float = math.radians(1.0)  # [survey]
     wander_time_s: float = 300.0  # [survey]
@@ -105,7 +106,9 @@ class FixOptions:
 
     std_m: float = 1.5  # where the source states none; then learned within the limits
     std_limits_m: tuple[float, float] = (0.3, 8.0)
-    correlation_s: float = 5.0  # [survey] slow errors of 1 to 8 m: faster fixes count for less each
+    # [survey] jitter of centimetres, slow errors of 1 to 8 m: most of the error lasts from fix to fix.
+    white_share: float = 0.4
+    wander_time_s: float = 30.0
     jump_persists_s: float = 30.0
     latency_s: float = 0.0
     lever_arm_frd_m: Vector = (0.0, 0.0, 0.0)
@@ -124,9 +127,9 @@ class ThrustOptions:
     stale_after_s: float = 0.6
     battery_stale_after_s: float = 30.0
     period_s: float = 0.2
-    # Where no thruster is heard drag still holds an ROV below about 1 m/s: one opinion in so many seconds.
+    # Where nothing measures velocity, drag still holds an ROV below about 1 m/s: one opinion in so many seconds.
     speed_prior_std_mps: float = 0.5
-    speed_prior_time_s: float = 5.0
+    speed_prior_time_s: float = 20.0
 
 
 @dataclass(frozen=True, slots=True)

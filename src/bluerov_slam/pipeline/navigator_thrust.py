@@ -90,9 +90,11 @@ class ThrustIntake:
             self._status.wait_for(Wait.THRUSTERS_OFF, record.arrived_s)
             return None
         self._status.wait_for(None, record.arrived_s)
-        voltage_v = self._voltage_v if record.arrived_s - self._voltage_s < self._options.battery_stale_after_s else None
+        voltage_v = (
+            self._voltage_v if record.arrived_s - self._voltage_s < self._options.battery_stale_after_s else None
+        )
         if before is None or not 0.0 < held_s <= self._options.stale_after_s:
-            # What happened meanwhile is unknown: a few seconds under the present command are a fair guess, not a measurement.
+            # What happened meanwhile is unknown: some seconds under the present command are a guess, no measurement.
             self._vehicle.reset()
             self._vehicle.update(pwm_us, voltage_v, 10.0, None)
             return None

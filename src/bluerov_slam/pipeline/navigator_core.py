@@ -1,0 +1,98 @@
+"""What the parts of the navigator share: the filter in time, what is known so far, and what there is to tell."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bluerov_slam.navigation.attitude.calibration import Calibration
+from bluerov_slam.pipeline.navigator_place import Place
+from bluerov_slam.pipeline.navigator_sensors import SensorBook
+from bluerov_slam.pipeline.navigator_timeline import Timeline
+from bluerov_slam.records import Event, EventLevel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from bluerov_slam.navigation.ekf import ErrorStateFilter, Measurement, UpdateResult
+    from bluerov_slam.pipeline.navigator_options import NavigatorOptions
+
+    Array = NDArray[np.float64]
+
+# A body velocity means nothing in NED while the heading is this uncertain.
+HEADING_KNOWN_RAD = 0.6
+
+
+class Core:
+    """Mutable state of one navigator."""
+
+    def __init__(self, options: NavigatorOptions) -> None:
+        self.options = options
+        self.book = SensorBook()
+        self.place = Place(options)
+        self.calibration = Calibration()
+        self.timeline: Timeline | None = None
+        self.position_known = False
+        self.last_fix_s: float | None = None
+        self.motion_s = -math.inf
+        self.velocity_aid_s = -math.inf
+        self.thrust_s: float | None = None
+        self.reset_counter = 0
+        self.now_s = 0.0
+        self.angular_rate_frd_radps: Array | None = None
+        self.events: list[Event] = []
+
+    def begin(self, filter_: ErrorStateFilter) -> Timeline:
+        """Run this filter from now on."""
+        options = self.options
+        self.timeline = Timeline(
+            filter_, options.gate_probability, options.jump_m, options.jump_heading_rad, self._on_jump
+        )
+        return self.timeline
+
+    def say(self, text: str, level: EventLevel = EventLevel.INFO) -> None:
+        """Something a user should read."""
+        self.events.append(Event(self.now_s, level, text))
+
+    def offer(self, measurement: Measurement | None, *, gated: bool = True) -> None:
+        """Into the filter, with the result in the sensor's account."""
+        if measurement is not None and self.timeline is not None:
+            self.timeline.offer(measurement, self.account, gated=gated)
+
+    def account(self, result: UpdateResult) -> None:
+        """Book one result."""
+        status = self.book[result.sensor]
+        if result.accepted:
+            status.use(result.at_s, result.nis, result.dof)
+        else:
+            status.reject(result.nis, result.dof)
+
+    def heading_known(self) -> bool:
+        """Whether body velocities can be turned into NED."""
+        if self.timeline is None:
+            return False
+        return float(self.timeline.filter.covariance[8, 8]) < HEADING_KNOWN_RAD**2
+
+    def down_frd(self) -> Array | None:
+        """The vertical in body axes, None before there is an attitude."""
+        if self.timeline is None:
+            return None
+        down: Array = self.timeline.filter.estimate.rotation_ned_frd[2].copy()
+        return down
+
+    def depth_m(self) -> float | None:
+        """Depth of the vehicle's origin as estimated."""
+        return None if self.timeline is None else float(self.timeline.filter.estimate.values[2])
+
+    def rate_frd_radps(self) -> Array | None:
+        """The newest angular rate without the gyro's bias."""
+        if self.angular_rate_frd_radps is None or self.timeline is None:
+            return None
+        rate: Array = self.angular_rate_frd_radps - self.timeline.filter.estimate.block("gyro_bias")
+        return rate
+
+    def _on_jump(self, sensor: str) -> None:
+        if self.position_known:
+            self.reset_counter += 1
