@@ -1,45 +1,407 @@
-"""Records in, NavState and Event out: the one estimator of live operation, replay and batch."""
+"""Records in, NavState and Event out: the one estimator of live operation, replay and batch.
+
+Nothing here reads a clock: all time is that of the records, so that the same records give the same numbers, bit for
+bit.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from bluerov_slam.pipeline.navigator_commands import NavigatorAction, NavigatorCommand, SavedNavigation
+import numpy as np
+
+from bluerov_slam.navigation.attitude.calibration import Calibration, CalibrationError
+from bluerov_slam.navigation.measurements import Depth
+from bluerov_slam.navigation.smoother import StepRecorder, smooth
+from bluerov_slam.pipeline.navigator_actions import Actions
+from bluerov_slam.pipeline.navigator_aids import Aids
+from bluerov_slam.pipeline.navigator_commands import (
+    CalibrationProgress,
+    NavigatorAction,
+    NavigatorCommand,
+    SavedNavigation,
+)
+from bluerov_slam.pipeline.navigator_compass import CompassIntake
+from bluerov_slam.pipeline.navigator_core import Core
+from bluerov_slam.pipeline.navigator_depth import DepthIntake
+from bluerov_slam.pipeline.navigator_fix import DvlIntake
+from bluerov_slam.pipeline.navigator_imu import ImuIntake
 from bluerov_slam.pipeline.navigator_options import NavigatorOptions
+from bluerov_slam.pipeline.navigator_output import Output, TrustEvents
+from bluerov_slam.pipeline.navigator_position import Positions
+from bluerov_slam.pipeline.navigator_resume import age_of, resume, save
+from bluerov_slam.pipeline.navigator_start import Start, StartUp, make_filter
+from bluerov_slam.pipeline.navigator_thrust import ThrustIntake
+from bluerov_slam.pipeline.navigator_time import VehicleClocks
+from bluerov_slam.pipeline.navigator_words import Wait
+from bluerov_slam.records import (
+    CtdSample,
+    Event,
+    EventLevel,
+    GpsFix,
+    ImuBurst,
+    NavState,
+    PositionFix,
+    Record,
+    SensorSample,
+    VehicleAttitude,
+    VehicleBattery,
+    VehicleMotionDelta,
+    VehicleServoOutput,
+)
 
 if TYPE_CHECKING:
-    from bluerov_slam.records import Event, NavState, Record
+    from collections.abc import Callable
 
-__all__ = ["Navigator", "NavigatorAction", "NavigatorCommand", "NavigatorOptions", "SavedNavigation"]
+    from numpy.typing import NDArray
+
+    from bluerov_slam.navigation.ekf import UpdateResult
+    from bluerov_slam.navigation.measurements import SensorAngles
+
+    Array = NDArray[np.float64]
+
+__all__ = [
+    "CalibrationProgress",
+    "Navigator",
+    "NavigatorAction",
+    "NavigatorCommand",
+    "NavigatorOptions",
+    "SavedNavigation",
+]
+
+# The IMU's own angles, or the autopilot's, are taken once the better source has been silent for so long.
+BURSTS_GONE_S = 2.0
+LINK_IMU_GONE_S = 5.0
+# After a longer silence the attitude is found anew from gravity and field.
+REALIGN_AFTER_S = 5.0
 
 
 class Navigator:
-    """Takes records in order of arrival; the same records give the same results, bit for bit."""
+    """Takes records in order of arrival."""
 
     def __init__(
         self,
         options: NavigatorOptions | None = None,
-        saved: SavedNavigation | None = None,
+        saved: SavedNavigation | Mapping[str, Any] | None = None,
         saved_age_s: float | None = None,
     ) -> None:
         self.options = options or NavigatorOptions()
-        self._saved = saved
         self._saved_age_s = saved_age_s
-        self._now_s = 0.0
+        self._first_s: float | None = None
+        self._recorders: list[StepRecorder] | None = None
+        self._begin_anew(Core(self.options))
+        self._saved = self._read(saved)
+
+    @property
+    def on_update(self) -> Callable[[UpdateResult], None] | None:
+        """Hears what became of every measurement."""
+        return self._core.on_update
+
+    @on_update.setter
+    def on_update(self, listener: Callable[[UpdateResult], None] | None) -> None:
+        self._core.on_update = listener
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Counters by sensor, and those of the filter."""
+        sensors = {
+            status.name: {
+                "accepted": status.accepted,
+                "rejected": status.rejected,
+                "refused": status.refused,
+                "faults": {fault.value: count for fault, count in status.faults.items()},
+            }
+            for status in self._core.book
+        }
+        timeline = self._core.timeline
+        counts = {"resets": self._core.reset_counter}
+        if timeline is not None:
+            counts |= {
+                "too_old": timeline.too_old + timeline.buffer.too_old,
+                "too_early": timeline.buffer.too_early,
+                "replayed_slots": timeline.buffer.replayed_slots,
+                "refused_samples": timeline.filter.refused_samples,
+                "refused_measurements": timeline.filter.refused_measurements,
+            }
+        return {"sensors": sensors, "filter": counts}
 
     def feed(self, record: Record) -> list[NavState | Event]:
-        """Take one record."""
-        self._now_s = getattr(record, "arrived_s", self._now_s)
-        return []
+        """Take one record; states and events in the order in which they came about."""
+        handler = self._handlers.get(type(record))
+        if handler is None:
+            return []
+        core = self._core
+        arrived_s: float = record.arrived_s  # type: ignore[union-attr]  # every handled record has one
+        if not math.isfinite(arrived_s):
+            return []
+        if self._first_s is None:
+            self._first_s = arrived_s
+        core.now_s = max(core.now_s, arrived_s) if core.now_s else arrived_s
+        shows = handler(record)
+        results: list[NavState | Event] = []
+        if shows:
+            state = self._output.state(arrived_s)
+            self._trust.look(state.sensors)
+            results.append(state)
+        events, core.events = core.events, []
+        return [*events, *results]
 
     def command(self, command: NavigatorCommand) -> list[NavState | Event]:
-        """Do what the user asked; the answer is an event."""
-        return []
+        """Do what the user asked; what came of it is an event, above INFO where it was refused."""
+        if command.action is NavigatorAction.RESET:
+            before, core = self._core, Core(self.options)
+            core.calibration, core.now_s, core.on_update = before.calibration, before.now_s, before.on_update
+            self._begin_anew(core)
+            self._saved = None
+            core.say("The navigation starts anew")
+        else:
+            self._actions.do(command)
+        events, self._core.events = self._core.events, []
+        return list(events)
+
+    def calibrations(self) -> list[CalibrationProgress]:
+        """How far each guided routine is."""
+        return self._actions.calibrations.progress()
 
     def save(self) -> SavedNavigation:
-        """What a restart needs."""
-        return SavedNavigation(at_s=self._now_s)
+        """What a restart needs. Before the first attitude it is what was saved before."""
+        if self._core.timeline is None and self._saved is not None:
+            return self._saved
+        return save(self._core, self._depth.surface_pressure_pa, self._output.distance_m)
 
     def expire(self, now_s: float) -> list[NavState | Event]:
         """Live only, when records stay away: says when nothing is known any more. Changes nothing in the estimate."""
-        return []
+        core = self._core
+        if core.now_s == 0.0 or now_s - core.now_s <= self.options.unknown_after_s:
+            return []
+        before_s, core.now_s = core.now_s, now_s
+        state = self._output.state(now_s)
+        core.now_s = before_s
+        return [state]
+
+    def keep_for_smoothing(self) -> None:
+        """Offline: remember every step for `smoothed`. Before the first record."""
+        self._recorders = []
+
+    def smoothed(self) -> list[NavState]:
+        """All steps again, each with what came after it."""
+        return [
+            self._output.of(step.estimate, step.covariance, step.at_s, ())
+            for recorder in self._recorders or []
+            for step in smooth(recorder.steps)
+        ]
+
+    def _begin_anew(self, core: Core) -> None:
+        options = self.options
+        self._core = core
+        self._clocks = VehicleClocks()
+        self._start = StartUp()
+        self._imu = ImuIntake(options.imu, core.book["imu"])
+        self._compass = CompassIntake(options.compass, core.book["compass"])
+        self._depth = DepthIntake(options.depth, core.book["depth"])
+        self._thrust = ThrustIntake(options.thrust, core.book["thrust"])
+        self._dvl = DvlIntake(options.dvl, core.book["dvl"])
+        self._positions = Positions(core)
+        self._aids = Aids(core)
+        self._output = Output(core, self._depth)
+        self._trust = TrustEvents(core)
+        self._actions = Actions(core, self._depth)
+        self._burst_s = -math.inf
+        self._angles_s = -math.inf
+        self._handlers: dict[type, Callable[[Any], bool]] = {
+            ImuBurst: self._on_burst,
+            SensorSample: self._on_sample,
+            CtdSample: self._on_ctd,
+            GpsFix: self._on_gps,
+            PositionFix: self._on_fix,
+            VehicleAttitude: self._on_attitude,
+            VehicleServoOutput: self._on_servos,
+            VehicleBattery: self._on_battery,
+            VehicleMotionDelta: self._on_motion,
+        }
+
+    def _read(self, saved: SavedNavigation | Mapping[str, Any] | None) -> SavedNavigation | None:
+        """What was saved, with what does not age (the calibrations) taken up at once."""
+        if saved is None:
+            return None
+        read = saved if isinstance(saved, SavedNavigation) else SavedNavigation.from_json(saved)
+        if read is None:
+            self._core.say("The saved navigation is damaged: starting anew", EventLevel.WARNING)
+            return None
+        if read.calibration:
+            try:
+                self._core.calibration = Calibration.from_json(read.calibration)
+            except CalibrationError as error:
+                self._core.say(str(error), EventLevel.WARNING)
+        return read
+
+    def _on_burst(self, record: ImuBurst) -> bool:
+        core = self._core
+        self._burst_s = record.arrived_s
+        samples = self._imu.burst(record, core.calibration)
+        field_raw = self._imu.mounted(record.magnetic_field_raw.astype(np.float64))
+        self._actions.calibrations.feed(record, self._imu, field_raw)
+        effort = self._thrust.effort(record.measured_s)
+        self._compass.expected_dip_rad = core.place.dip_rad
+        heading = self._compass.burst(
+            record, field_raw, core.calibration, effort, core.down_frd(), core.place.declination_rad
+        )
+        if not samples:
+            return core.timeline is None or self._without_imu(record.measured_s, None)
+        field = None if heading is None else np.asarray(heading.field_frd)
+        if core.timeline is None:
+            for sample in samples:
+                start = self._start.add(sample, field, core.place.declination_rad)
+                if start is not None:
+                    self._begin(start)
+                    break
+            if core.timeline is None:
+                if self._start.fault is not None:
+                    core.book["imu"].refuse(self._start.fault, record.arrived_s)
+                return True
+        elif samples[0].at_s - core.motion_s > REALIGN_AFTER_S:
+            self._realign(samples, field)
+            return True
+        core.offer(heading)
+        for sample in samples:
+            core.timeline.strapdown(sample)
+        core.motion_s = max(core.motion_s, samples[-1].at_s)
+        core.angular_rate_frd_radps = samples[-1].angular_rate_frd_radps
+        core.book["imu"].wait_for(None, record.arrived_s)
+        core.book["imu"].use(samples[-1].at_s)
+        self._aids.after_samples(samples)
+        return True
+
+    def _on_sample(self, record: SensorSample) -> bool:
+        core = self._core
+        reading = self._depth.sample(record)
+        bursts_come = record.arrived_s - self._burst_s < BURSTS_GONE_S
+        angles = None if bursts_come else self._imu.angles(record, core.place.declination_rad)
+        if not bursts_come and record.imu_alive and record.roll_rad is not None:
+            self._angles_s = record.arrived_s
+        if reading is not None:
+            core.offer(Depth(reading.at_s, reading.depth_m, self.options.depth.std_m))
+        self._positions.gps_sample(record, self._output.distance_m)
+        if bursts_come:
+            return False
+        return self._without_imu(record.measured_s, angles)
+
+    def _on_attitude(self, record: VehicleAttitude) -> bool:
+        if record.arrived_s - max(self._burst_s, self._angles_s) < LINK_IMU_GONE_S:
+            return False
+        measured_s = self._clocks.measured_s(record)
+        return self._without_imu(measured_s, self._imu.autopilot(record, measured_s))
+
+    def _on_ctd(self, record: CtdSample) -> bool:
+        self._depth.water(record)
+        self._aids.water(record)
+        return False
+
+    def _on_gps(self, record: GpsFix) -> bool:
+        self._positions.gps_frame(record, self._output.distance_m)
+        return self._catch_up(record.measured_s, record.arrived_s)
+
+    def _on_fix(self, record: PositionFix) -> bool:
+        self._positions.fix(record)
+        return self._catch_up(record.measured_s, record.arrived_s)
+
+    def _on_servos(self, record: VehicleServoOutput) -> bool:
+        core = self._core
+        measured_s = self._clocks.measured_s(record)
+        velocity = self._thrust.servos(record, measured_s, core.depth_m(), core.rate_frd_radps())
+        if velocity is not None and core.heading_known():
+            core.thrust_s = core.velocity_aid_s = measured_s
+            core.offer(velocity)
+        return self._catch_up(measured_s, record.arrived_s) and False
+
+    def _on_battery(self, record: VehicleBattery) -> bool:
+        self._thrust.battery(record)
+        return False
+
+    def _on_motion(self, record: VehicleMotionDelta) -> bool:
+        core = self._core
+        measured_s = self._clocks.measured_s(record)
+        velocity = self._dvl.take(record, measured_s, core.angular_rate_frd_radps)
+        if velocity is not None and core.heading_known():
+            core.velocity_aid_s = measured_s
+            core.offer(velocity)
+        return self._catch_up(measured_s, record.arrived_s) and False
+
+    def _catch_up(self, to_s: float, arrived_s: float) -> bool:
+        """Move on to a record's instant where the IMU is silent; whether that was so."""
+        core = self._core
+        if core.timeline is None or arrived_s - core.motion_s < self.options.imu.silent_after_s:
+            return False
+        return self._without_imu(to_s, None)
+
+    def _without_imu(self, to_s: float, angles: SensorAngles | None) -> bool:
+        """A step without strapdown: on angles, or on nothing at all."""
+        core, options = self._core, self.options.imu
+        if core.timeline is None:
+            if angles is None:
+                return True
+            self._begin(Start.of_angles(angles))
+        assert core.timeline is not None
+        if angles is None and to_s - core.motion_s < options.silent_after_s:
+            return False
+        walk = options.kinematic_attitude_walk_rad
+        core.timeline.kinematic(to_s, walk, options.kinematic_velocity_walk_mps)
+        if angles is not None:
+            core.motion_s = max(core.motion_s, to_s)
+            core.angular_rate_frd_radps = None
+            core.book["compass"].wait_for(Wait.INSTEAD_OF_ANGLES, core.now_s)
+            core.book["imu"].wait_for(None, core.now_s)
+            core.offer(angles)
+        self._aids.without_imu(core.timeline.at_s, angles is not None)
+        return True
+
+    def _begin(self, start: Start) -> None:
+        """The first attitude is there."""
+        core = self._core
+        depth_m = self._depth.newest_m or 0.0
+        place = core.place
+        filter_ = make_filter(
+            start, self.options, core.calibration, depth_m, self._depth.bias_std_m, place.latitude_deg
+        )
+        saved, self._saved = self._saved, None
+        if saved is not None:
+            assert self._first_s is not None
+            age_s = age_of(saved, self._saved_age_s, self._first_s, start.at_s)
+            if saved.origin_deg is not None and age_s is not None and age_s <= self.options.save_limit_s:
+                place.settle(*saved.origin_deg)
+            if resume(core, filter_, saved, age_s, start):
+                self._output.distance_m = saved.distance_m
+        if self._recorders is not None:
+            filter_.recorder = recorder = StepRecorder()
+            self._recorders.append(recorder)
+            recorder.predicted(filter_.estimate, filter_.covariance, None, None)
+        core.begin(filter_)
+        core.motion_s = start.at_s
+
+    def _realign(self, samples: list[Any], field: Array | None) -> None:
+        """The IMU is back after a long silence: gravity and field say again where down and north are."""
+        core = self._core
+        assert core.timeline is not None
+        for sample in samples:
+            start = self._start.add(sample, field, core.place.declination_rad)
+            if start is None:
+                continue
+            core.timeline.kinematic(
+                start.at_s, self.options.imu.kinematic_attitude_walk_rad, self.options.imu.kinematic_velocity_walk_mps
+            )
+            core.timeline.buffer.reset_block("attitude", start.rotation_ned_frd, start.std_rad)
+            core.motion_s = start.at_s
+            core.reset_counter += 1
+            core.say("The IMU is back: the attitude was found anew")
+            self._start.clear()
+            return
+        if self._start.fault is not None:
+            core.book["imu"].refuse(self._start.fault, core.now_s)
+
+
+def options_as_json(options: NavigatorOptions) -> dict[str, Any]:
+    """For a report: every figure that was used."""
+    return asdict(options)

@@ -40,9 +40,9 @@ class NavigatorCommand:
 class SavedNavigation:
     """What a restart needs, as plain numbers: `SavedNavigation.from_json(saved.to_json())` is the same.
 
-    `at_s` is the host's monotonic clock, which starts anew with the host: whoever keeps the file must know whether it is
-    the same boot, or pass the age to `Navigator`. `layout` names the blocks of the error state, `values` (n,) holds them
-    and `covariance` their covariance, row by row from the diagonal on. None or empty where unknown.
+    `at_s` is the host's monotonic clock, which starts anew with the host: whoever keeps the file must know whether it
+    is the same boot, or pass the age to `Navigator`. `layout` names the blocks of the error state, `values` (n,) holds
+    them and `covariance` their covariance, row by row from the diagonal on. None or empty where unknown.
     """
 
     at_s: float

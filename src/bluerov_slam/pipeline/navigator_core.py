@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from bluerov_slam.navigation.attitude.calibration import Calibration
 from bluerov_slam.pipeline.navigator_place import Place
 from bluerov_slam.pipeline.navigator_sensors import SensorBook
@@ -14,6 +12,9 @@ from bluerov_slam.pipeline.navigator_timeline import Timeline
 from bluerov_slam.records import Event, EventLevel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
     from numpy.typing import NDArray
 
     from bluerov_slam.navigation.ekf import ErrorStateFilter, Measurement, UpdateResult
@@ -23,6 +24,15 @@ if TYPE_CHECKING:
 
 # A body velocity means nothing in NED while the heading is this uncertain.
 HEADING_KNOWN_RAD = 0.6
+# A sensor that is rejected so many times in a row shows that the estimate was too sure: what it measures becomes
+# uncertain again, and what it says next is weighed against that. Positions have a rule of their own.
+STUBBORN = {
+    "imu": (50, (("attitude", 0.5),)),
+    "compass": (150, (("attitude", (0.0, 0.0, 0.5)),)),
+    "depth": (30, (("position", (0.0, 0.0, 10.0)),)),
+    "thrust": (50, (("velocity", 0.3), ("current", 0.2))),
+    "dvl": (25, (("velocity", 1.0),)),
+}
 
 
 class Core:
@@ -42,6 +52,7 @@ class Core:
         self.reset_counter = 0
         self.now_s = 0.0
         self.angular_rate_frd_radps: Array | None = None
+        self.on_update: Callable[[UpdateResult], None] | None = None
         self.events: list[Event] = []
 
     def begin(self, filter_: ErrorStateFilter) -> Timeline:
@@ -63,11 +74,19 @@ class Core:
 
     def account(self, result: UpdateResult) -> None:
         """Book one result."""
-        status = self.book[result.sensor]
+        if self.on_update is not None:
+            self.on_update(result)
+        status = self.book.get(result.sensor)
+        if status is None:
+            return
         if result.accepted:
             status.use(result.at_s, result.nis, result.dof)
-        else:
-            status.reject(result.nis, result.dof)
+            return
+        status.reject(result.nis, result.dof)
+        limit, blocks = STUBBORN.get(result.sensor, (0, ()))
+        if limit and status.rejected_in_a_row % limit == 0 and self.timeline is not None:
+            for name, std in blocks:
+                self.timeline.buffer.add_uncertainty(name, std)
 
     def heading_known(self) -> bool:
         """Whether body velocities can be turned into NED."""
@@ -93,6 +112,6 @@ class Core:
         rate: Array = self.angular_rate_frd_radps - self.timeline.filter.estimate.block("gyro_bias")
         return rate
 
-    def _on_jump(self, sensor: str) -> None:
+    def _on_jump(self) -> None:
         if self.position_known:
             self.reset_counter += 1

@@ -62,6 +62,13 @@ class DepthIntake:
         self.density_known = False
 
     @property
+    def newest_m(self) -> float | None:
+        """The newest depth, None while none is known."""
+        if self.surface_pressure_pa is None or not self._recent:
+            return None
+        return self.depth_m(self._recent[-1][1])
+
+    @property
     def bias_std_m(self) -> float:
         """How well the zero is known."""
         if self.zeroed_by_user:

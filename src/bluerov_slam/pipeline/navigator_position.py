@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bluerov_slam.navigation.measurements import HorizontalPosition
+from bluerov_slam.navigation.process import Earth
 from bluerov_slam.pipeline.navigator_fix import FixIntake, WanderingPosition
 from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence
 from bluerov_slam.pipeline.navigator_start import UNKNOWN_HEADING_STD_RAD, UNKNOWN_POSITION_STD_M, compass_prior
@@ -14,6 +15,8 @@ from bluerov_slam.pipeline.navigator_words import Fault, Wait
 from bluerov_slam.records import EventLevel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from bluerov_slam.navigation.ekf import Measurement, UpdateResult
@@ -77,9 +80,16 @@ class Positions:
         wander = options.std_m_per_hdop**2 * (1.0 - options.white_share**2)
         covariance = fix.std_m**2 * np.eye(2)
         white = covariance * options.white_share**2 + _beyond(covariance, wander, options.white_share)
-        self._offer(fix, "gps", white, options.lever_arm_frd_m, None)
+        self._offer(fix, "gps", white, options.lever_arm_frd_m)
 
-    def _offer(self, fix: Fix, source: str, white_m2: Array, lever_frd_m: object, learn: object) -> None:
+    def _offer(
+        self,
+        fix: Fix,
+        source: str,
+        white_m2: Array,
+        lever_frd_m: tuple[float, float, float],
+        learn: Callable[[UpdateResult], None] | None = None,
+    ) -> None:
         core = self._core
         if core.timeline is None:
             core.book[source].wait_for(Wait.NO_ATTITUDE, fix.arrived_s)
@@ -88,21 +98,13 @@ class Positions:
         if core.place.frame is None:
             self._settle(fix)
         north_m, east_m = core.place.offset_m(fix.latitude_deg, fix.longitude_deg)
-        measurement: Measurement = HorizontalPosition(
-            fix.at_s,
-            north_m,
-            east_m,
-            white_m2,
-            source,
-            lever_frd_m,
-            source == "gps",  # type: ignore[arg-type]
-        )
-        if source != "gps":
-            measurement = WanderingPosition(measurement)  # type: ignore[arg-type]
+        wanders_like_gps = source == "gps"
+        position = HorizontalPosition(fix.at_s, north_m, east_m, white_m2, source, lever_frd_m, wanders_like_gps)
+        measurement: Measurement = position if wanders_like_gps else WanderingPosition(position)
 
         def done(result: UpdateResult) -> None:
             if learn is not None:
-                learn(result)  # type: ignore[operator]
+                learn(result)
             self._done(result, fix, source, (north_m, east_m), measurement)
 
         core.timeline.offer(measurement, done, gated=core.position_known)
@@ -135,17 +137,15 @@ class Positions:
         """The track was wrong: believe the fixes, and say so."""
         core = self._core
         assert core.timeline is not None
-        filter_ = core.timeline.filter
+        filter_, buffer = core.timeline.filter, core.timeline.buffer
         north, east, down = filter_.estimate.position_ned_m.tolist()
         down_std = float(filter_.std("position")[2])
-        filter_.reset_block("position", (*place_ne_m, down), (UNKNOWN_POSITION_STD_M, UNKNOWN_POSITION_STD_M, down_std))
+        buffer.reset_block("position", (*place_ne_m, down), (UNKNOWN_POSITION_STD_M, UNKNOWN_POSITION_STD_M, down_std))
         core.timeline.shift_ne_m[0] += place_ne_m[0] - north
         core.timeline.shift_ne_m[1] += place_ne_m[1] - east
-        filter_.add_uncertainty("velocity", (REACQUIRED_VELOCITY_STD_MPS, REACQUIRED_VELOCITY_STD_MPS, 0.0))
-        filter_.add_uncertainty("current", REACQUIRED_CURRENT_STD_MPS)
-        result = filter_.update(measurement, None, None)
-        if result is not None:
-            core.account(result)
+        buffer.add_uncertainty("velocity", (REACQUIRED_VELOCITY_STD_MPS, REACQUIRED_VELOCITY_STD_MPS, 0.0))
+        buffer.add_uncertainty("current", REACQUIRED_CURRENT_STD_MPS)
+        core.timeline.offer(measurement, core.account, gated=False)
         core.last_fix_s = core.timeline.at_s
         core.reset_counter += 1
         for persistence in self._persistence.values():
@@ -166,19 +166,14 @@ def align(core: Core, turn_rad: float) -> None:
     cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     tilt_std = filter_.std("attitude")[:2]
-    filter_.reset_block(
+    buffer = core.timeline.buffer
+    buffer.reset_block(
         "attitude", turn @ filter_.estimate.rotation_ned_frd, (*tilt_std.tolist(), UNKNOWN_HEADING_STD_RAD)
     )
     values, std = compass_prior(core.options, core.calibration, declination_known=True)
-    filter_.reset_block("compass", values, std)
-    filter_.reset_block("compass_wander", 0.0, core.options.compass.wander_std_rad)
-    filter_.process = type(filter_.process)(filter_.layout, filter_.process.noise, _earth(core))
-
-
-def _earth(core: Core) -> object:
-    from bluerov_slam.navigation.process import Earth
-
-    return Earth(core.place.latitude_deg)
+    buffer.reset_block("compass", values, std)
+    buffer.reset_block("compass_wander", 0.0, core.options.compass.wander_std_rad)
+    filter_.set_earth(Earth(core.place.latitude_deg))
 
 
 def _beyond(covariance_m2: Array, wander_m2: float, white_share: float) -> Array:

@@ -124,6 +124,10 @@ class SensorBook:
     def __getitem__(self, name: str) -> SensorStatus:
         return self._statuses[name]
 
+    def get(self, name: str) -> SensorStatus | None:
+        """None for what is no sensor, such as a prior."""
+        return self._statuses.get(name)
+
     def __iter__(self) -> Iterator[SensorStatus]:
         return iter(self._statuses.values())
 

@@ -12,7 +12,7 @@ import numpy as np
 from bluerov_slam.navigation.attitude.initial import initial_attitude
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.process import Earth, ProcessNoise
-from bluerov_slam.navigation.rotation import rotation_from_quaternion
+from bluerov_slam.navigation.rotation import rotation_from_euler, rotation_from_quaternion
 from bluerov_slam.navigation.state import NavEstimate, StateLayout
 from bluerov_slam.pipeline.navigator_fix import FIX_WANDER
 from bluerov_slam.pipeline.navigator_words import Fault
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bluerov_slam.navigation.attitude.calibration import Calibration
+    from bluerov_slam.navigation.measurements import SensorAngles
     from bluerov_slam.navigation.process import ImuSample
     from bluerov_slam.pipeline.navigator_options import NavigatorOptions
 
@@ -66,6 +67,17 @@ class Start:
     at_s: float
     rotation_ned_frd: Array
     tilt_std_rad: float
+
+    @property
+    def std_rad(self) -> tuple[float, float, float]:
+        """About north, east and down."""
+        return self.tilt_std_rad, self.tilt_std_rad, UNKNOWN_HEADING_STD_RAD
+
+    @classmethod
+    def of_angles(cls, angles: SensorAngles) -> Start:
+        """As a sensor that estimates its attitude itself has it."""
+        rotation = rotation_from_euler(angles.roll_rad, angles.pitch_rad, angles.heading_rad or 0.0)
+        return cls(angles.at_s, rotation, max(angles.tilt_std_rad, LEAST_TILT_STD_RAD))
 
 
 class StartUp:

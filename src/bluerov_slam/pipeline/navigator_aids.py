@@ -1,0 +1,110 @@
+"""What is known without any sensor: gravity, that an ROV floats upright, that drag limits its speed, and still decks.
+
+These hold the filter together while nothing measures velocity or attitude. They are weak on purpose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bluerov_slam.navigation.measurements import GravityDirection, SensorAngles, WaterVelocity, ZeroRate, ZeroVelocity
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from bluerov_slam.navigation.process import ImuSample
+    from bluerov_slam.pipeline.navigator_core import Core
+    from bluerov_slam.records import CtdSample
+
+    Array = NDArray[np.float64]
+
+NO_SENSOR = "prior"
+# A second without a measured velocity is nothing; after this the accelerometer's errors begin to show.
+VELOCITY_MISSED_AFTER_S = 3.0
+GRAVITY_PERIOD_S = 1.0
+GRAVITY_STD_MPS2 = 0.4
+LEVEL_PERIOD_S = 1.0
+LEVEL_STD_RAD = math.radians(10.0)
+# Salt or fresh, water conducts; air reads zero.
+AIR_BELOW_S_PER_M = 0.001
+AIR_OLD_S = 5.0
+DECK_PERIOD_S = 1.0
+DECK_WINDOW_S = 2.0
+DECK_RATE_RADPS = math.radians(0.5)
+DECK_FORCE_MPS2 = 0.08
+DECK_VELOCITY_STD_MPS = 0.03
+DECK_RATE_STD_RADPS = math.radians(0.05)
+
+
+class Aids:
+    """Called after every burst, or after every step without an IMU."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._recent: deque[tuple[float, Array, Array]] = deque()
+        self._gravity_s = -math.inf
+        self._speed_s = -math.inf
+        self._level_s = -math.inf
+        self._deck_s = -math.inf
+        self._air_s = -math.inf
+
+    def water(self, record: CtdSample) -> None:
+        """Whether the conductivity probe is in the air."""
+        conductivity = record.conductivity_s_per_m
+        if conductivity is not None and conductivity < AIR_BELOW_S_PER_M:
+            self._air_s = record.arrived_s
+        elif conductivity is not None:
+            self._air_s = -math.inf
+
+    def after_samples(self, samples: list[ImuSample]) -> None:
+        """Gravity, a speed limit, and rest on deck."""
+        at_s = samples[-1].at_s
+        for sample in samples:
+            self._recent.append((sample.at_s, sample.specific_force_frd_mps2, sample.angular_rate_frd_radps))
+        while self._recent[0][0] < at_s - DECK_WINDOW_S:
+            self._recent.popleft()
+        if self._core.now_s - self._air_s < AIR_OLD_S and self._rest_on_deck(at_s):
+            return
+        if at_s - self._core.velocity_aid_s < VELOCITY_MISSED_AFTER_S:
+            return
+        if at_s - self._gravity_s >= GRAVITY_PERIOD_S:
+            self._gravity_s = at_s
+            assert self._core.timeline is not None
+            gravity_mps2 = self._core.timeline.filter.process.earth.gravity_mps2
+            force = np.mean([force for when, force, _ in self._recent if when > at_s - GRAVITY_PERIOD_S], axis=0)
+            self._core.offer(GravityDirection(at_s, force, gravity_mps2, GRAVITY_STD_MPS2, sensor=NO_SENSOR))
+        self.limit_speed(at_s)
+
+    def without_imu(self, at_s: float, attitude_measured: bool) -> None:
+        """An ROV's weight hangs below its buoyancy: it stays upright within some ten degrees."""
+        if not attitude_measured and at_s - self._level_s >= LEVEL_PERIOD_S:
+            self._level_s = at_s
+            self._core.offer(SensorAngles(at_s, 0.0, 0.0, None, LEVEL_STD_RAD, sensor=NO_SENSOR))
+        if at_s - self._core.velocity_aid_s >= VELOCITY_MISSED_AFTER_S:
+            self.limit_speed(at_s)
+
+    def limit_speed(self, at_s: float) -> None:
+        """One opinion in so many seconds that the speed through water is that of an ROV."""
+        options = self._core.options.thrust
+        if at_s - self._speed_s < options.speed_prior_time_s:
+            return
+        self._speed_s = at_s
+        std_mps = options.speed_prior_std_mps
+        self._core.offer(WaterVelocity(at_s, (0.0, 0.0, 0.0), (std_mps, std_mps, 0.5 * std_mps), sensor=NO_SENSOR))
+
+    def _rest_on_deck(self, at_s: float) -> bool:
+        if at_s - self._recent[0][0] < 0.8 * DECK_WINDOW_S:
+            return False
+        forces = np.array([force for _, force, _ in self._recent])
+        rates = np.array([rate for _, _, rate in self._recent])
+        if forces.std(axis=0).max() > DECK_FORCE_MPS2 or rates.std(axis=0).max() > DECK_RATE_RADPS:
+            return False
+        if at_s - self._deck_s >= DECK_PERIOD_S:
+            self._deck_s = at_s
+            self._core.offer(ZeroVelocity(at_s, DECK_VELOCITY_STD_MPS, sensor=NO_SENSOR))
+            self._core.offer(ZeroRate(at_s, rates.mean(axis=0), DECK_RATE_STD_RADPS, sensor=NO_SENSOR))
+        return True
