@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 HEADING_KNOWN_RAD = 0.6
 # A sensor that is rejected so many times in a row shows that the estimate was too sure: what it measures becomes
 # uncertain again, and what it says next is weighed against that. Positions have a rule of their own.
-STUBBORN = {
+STUBBORN: dict[str, tuple[int, tuple[tuple[str, float | tuple[float, ...]], ...]]] = {
     "imu": (50, (("attitude", 0.5),)),
     "compass": (150, (("attitude", (0.0, 0.0, 0.5)),)),
     "depth": (30, (("position", (0.0, 0.0, 10.0)),)),

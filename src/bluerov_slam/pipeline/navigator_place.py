@@ -40,7 +40,7 @@ class Place:
 
     def settle(self, latitude_deg: float, longitude_deg: float) -> float:
         """Take this as the origin. Returns by how much the declination changed, rad."""
-        self.frame = LocalFrame(latitude_deg, longitude_deg)
+        self.frame = LocalFrame(float(latitude_deg), float(longitude_deg))
         before_rad = self.declination_rad
         year = UNDATED_YEAR if self.utc_unix_s is None else decimal_year(self.utc_unix_s)
         try:

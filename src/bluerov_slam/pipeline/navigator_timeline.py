@@ -131,8 +131,14 @@ class Timeline:
 
     def _use_due(self) -> None:
         due_s = self.at_s + NEAR_S
+        if not self._waiting or self._waiting[0][0] > due_s:
+            return
+        due = []
         while self._waiting and self._waiting[0][0] <= due_s:
-            self._use(heapq.heappop(self._waiting)[2])
+            due.append(heapq.heappop(self._waiting)[2])
+        # In the buffer's own order of what happens at one instant, or it would run them again.
+        for offer in sorted(due, key=lambda each: each.measurement.sensor):
+            self._use(offer)
 
     def _use(self, offer: Offer) -> None:
         measurement, filter_ = offer.measurement, self.filter
