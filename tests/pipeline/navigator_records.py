@@ -52,9 +52,10 @@ class Bench:
     def records(self, duration_s: float) -> Iterator[Record]:
         """In order of arrival: SENSORS at 10 Hz, bursts, GPS at 1 Hz."""
         step_s = self.burst / self.imu_hz
-        made: list[tuple[float, int, Record]] = []
-        for k in range(round(duration_s / step_s)):
-            made.append((self.start_s + (k + 1) * step_s, 0, self.imu(self.start_s + k * step_s)))
+        start_s, steps = self.start_s, range(round(duration_s / step_s))
+        made: list[tuple[float, int, Record]] = [
+            (start_s + (k + 1) * step_s, 0, self.imu(start_s + k * step_s)) for k in steps
+        ]
         for k in range(round(duration_s * 10)):
             at_s = self.start_s + 0.1 * k
             made.append((at_s + 0.02, 1, self.sensors(at_s)))
