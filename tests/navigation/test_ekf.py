@@ -14,27 +14,13 @@ from hypothesis import strategies as st
 from bluerov_slam.navigation.chi_square import chi_square_quantile
 from bluerov_slam.navigation.ekf import ErrorStateFilter, Innovation
 from bluerov_slam.navigation.measurements import BlockValue, CompassHeading, Depth, HorizontalPosition, SensorAngles
-from bluerov_slam.navigation.process import Earth, ImuSample, ProcessNoise
+from bluerov_slam.navigation.process import ProcessNoise
 from bluerov_slam.navigation.rotation import euler_from_rotation, rotation_from_euler
 from bluerov_slam.navigation.state import NavEstimate, StateLayout
+from navigation.simulated_motion import FULL, WindingDive, dive_filter, full_filter, nees, resting
 
-FULL = StateLayout.make()
 BARE = StateLayout.make(without=[name for name, _ in FULL.blocks[3:]])
 NO_WANDER = StateLayout.make(without=("gps_wander", "compass_wander", "compass"))
-STDS = {
-    "position": 5.0, "velocity": 0.5, "attitude": (0.03, 0.03, 0.2), "gyro_bias": 0.002, "accel_bias": 0.1,
-    "current": 0.2, "thrust_scale": 0.1, "compass": 0.03, "compass_wander": 0.017, "gps_wander": 1.4,
-    "depth_bias": 0.05, "sound_speed_scale": 0.01, "dvl": (0.01, 0.03),
-}  # fmt: skip
-
-
-def full_filter(layout: StateLayout = FULL, **arguments) -> ErrorStateFilter:
-    std = layout.vector(**{name: STDS[name] for name, _ in layout.blocks})
-    return ErrorStateFilter(NavEstimate(layout, 0.0), std, **arguments)
-
-
-def resting(at_s: float, interval_s: float = 0.05) -> ImuSample:
-    return ImuSample(at_s, interval_s, np.array([0.0, 0.0, -Earth().gravity_mps2]), np.zeros(3))
 
 
 def position_fix(at_s: float, north_m: float, std_m: float = 1.0) -> HorizontalPosition:
@@ -133,48 +119,13 @@ def test_agrees_with_filterpy_on_a_linear_problem(seed):
     np.testing.assert_allclose(core.covariance[:6, :6], other.P, rtol=1e-8, atol=1e-10)
 
 
-def simulated_run(seed: int, gyro_bias: np.ndarray, seconds: float = 120.0) -> tuple[ErrorStateFilter, NavEstimate]:
-    """A winding dive at 20 Hz with sensor noise as the filter assumes; its start known as well as the filter thinks."""
-    random = np.random.default_rng(seed)
-    noise = ProcessNoise()
-    layout = StateLayout.make(without=("current", "thrust_scale", "gps_wander", "dvl", "sound_speed_scale"))
-    core = full_filter(layout, noise=noise, earth=Earth(60.0))
-    truth = NavEstimate(layout, 0.0, gyro_bias=gyro_bias)
-    initial = np.linalg.cholesky(core.covariance) @ random.normal(size=layout.size)
-    initial[layout["gyro_bias"]] = 0.0
-    truth.add_error(initial)
-    interval_s = 0.05
-    for step in range(1, int(seconds / interval_s) + 1):
-        t = step * interval_s
-        rate = np.array([0.05 * math.sin(0.7 * t), 0.04 * math.cos(0.5 * t), 0.3 * math.sin(0.05 * t)])
-        acceleration = np.array([0.1 * math.cos(0.3 * t), 0.05 * math.sin(0.4 * t), 0.02 * math.sin(0.2 * t)])
-        force = acceleration - truth.rotation_ned_frd.T @ core.process.earth.gravity_ned_mps2
-        bias = truth.block("accel_bias").copy(), truth.block("gyro_bias").copy()
-        core.process.strapdown(truth, force + bias[0], rate + bias[1], interval_s)
-        truth.values[9:] += np.sqrt(noise.walks(layout)[9:] * interval_s) * random.normal(size=layout.size - 9)
-        wander = layout["compass_wander"].start
-        fresh = math.sqrt(-math.expm1(-2 * interval_s / noise.compass_wander_time_s))
-        truth.values[wander] += noise.compass_wander_std_rad * fresh * random.normal()
-        core.predict_strapdown(
-            ImuSample(
-                t,
-                interval_s,
-                force + bias[0] + noise.accel_noise_mps_per_sqrt_s / math.sqrt(interval_s) * random.normal(size=3),
-                rate + bias[1] + noise.gyro_noise_rad_per_sqrt_s / math.sqrt(interval_s) * random.normal(size=3),
-            )
-        )
-        if step % 2 == 0:
-            depth = truth.values[2] + truth.block("depth_bias")[0] + 0.02 * random.normal()
-            core.update(Depth(t, depth, 0.02), robust=None)
-        if step % 4 == 0:
-            heading = euler_from_rotation(truth.rotation_ned_frd)[2]
-            a, b, c = truth.block("compass")
-            compass = heading + a + b * math.cos(heading) + c * math.sin(heading) + truth.values[wander]
-            core.update(CompassHeading(t, compass + 0.03 * random.normal(), 0.03), robust=None)
-        if step % 20 == 0:
-            north, east = truth.position_ned_m[:2] + random.normal(size=2)
-            core.update(HorizontalPosition(t, north, east, np.eye(2)), robust=None)
-    return core, truth
+def run(dive: WindingDive, seconds: float) -> ErrorStateFilter:
+    core = dive_filter(dive)
+    for sample, measurements in dive.steps(seconds):
+        core.predict_strapdown(sample)
+        for measurement in measurements:
+            core.update(measurement, robust=None)
+    return core
 
 
 def test_stated_errors_are_true_on_simulated_dives():
@@ -185,19 +136,18 @@ def test_stated_errors_are_true_on_simulated_dives():
     """
     values = []
     for seed in range(24):
-        bias = 0.002 * np.random.default_rng(1000 + seed).normal(size=3)
-        core, truth = simulated_run(seed, bias, 40.0)
-        error = truth.difference(core.estimate)
-        values.append(float(error @ np.linalg.solve(core.covariance, error)))
+        dive = WindingDive(seed)
+        core = run(dive, 40.0)
+        values.append(nees(dive.truth, core.estimate, core.covariance))
     dof = core.layout.size * len(values)
     assert chi_square_quantile(0.001, dof) < sum(values) < chi_square_quantile(0.999, dof)
 
 
 def test_the_gyros_bias_is_found():
-    bias = np.array([0.003, -0.002, 0.004])
-    core, _ = simulated_run(3, bias)
-    error = core.estimate.block("gyro_bias") - bias
-    assert np.abs(error).max() < 4e-4
+    dive = WindingDive(3)
+    core = run(dive, 120.0)
+    error = core.estimate.block("gyro_bias") - dive.truth.block("gyro_bias")
+    assert np.abs(error).max() < 5e-4
     assert (np.abs(error) < 3.5 * core.std("gyro_bias")).all()
 
 
