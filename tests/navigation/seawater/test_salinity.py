@@ -1,17 +1,13 @@
 import itertools
-import math
 
+import numpy as np
 import pytest
 
 from bluerov_slam.errors import OutOfValidityError
 from bluerov_slam.navigation.seawater import (
     CONDUCTIVITY_35_15_0_S_PER_M,
     STANDARD_ATMOSPHERE_PA,
-    depth_m,
-    mackenzie_sound_speed_mps,
     practical_salinity_psu,
-    sound_speed_mps,
-    unesco_sound_speed_mps,
 )
 
 DBAR = 1e4
@@ -70,49 +66,11 @@ def test_salinity_refuses_what_is_not_sea_water(conductivity: float, temperature
         salinity(conductivity, temperature, pressure)
 
 
-def test_mackenzie_matches_its_published_value() -> None:
-    assert mackenzie_sound_speed_mps(25.0, 35.0, 1000.0) == pytest.approx(1550.744, abs=5e-4)
-
-
-def test_the_sea_of_the_original_example() -> None:
-    assert mackenzie_sound_speed_mps(15.2, 35.5, 0.5) == pytest.approx(1507.9, abs=0.05)
-
-
-def test_unesco_matches_its_published_value() -> None:
-    assert unesco_sound_speed_mps(40 / 1.00024, 40.0, 1e8) == pytest.approx(1731.995, abs=0.01)
-
-
-def test_unesco_matches_pure_water() -> None:
-    # Del Grosso and Mader (1972): 1482.34 m/s at 20 degC.
-    assert unesco_sound_speed_mps(20.0, 0.0, 0.0) == pytest.approx(1482.34, abs=0.05)
-
-
-@pytest.mark.parametrize("arguments", [(-2.1, 35, 0), (30.1, 35, 0), (10, 29.9, 0), (10, 40.1, 0), (10, 35, 8001)])
-def test_mackenzie_refuses_outside_its_range(arguments: tuple[float, float, float]) -> None:
-    with pytest.raises(OutOfValidityError):
-        mackenzie_sound_speed_mps(*arguments)
-
-
-@pytest.mark.parametrize("arguments", [(-0.1, 35, 0), (40.1, 35, 0), (10, -0.1, 0), (10, 40.1, 0), (10, 35, 1.01e8)])
-def test_unesco_refuses_outside_its_range(arguments: tuple[float, float, float]) -> None:
-    with pytest.raises(OutOfValidityError):
-        unesco_sound_speed_mps(*arguments)
-
-
-def test_the_formula_in_use_changes_where_mackenzie_ends() -> None:
-    assert sound_speed_mps(15.0, 35.0, 1e6) == mackenzie_sound_speed_mps(15.0, 35.0, depth_m(1e6, 0.0))
-    assert sound_speed_mps(15.0, 5.0, 1e6) == unesco_sound_speed_mps(15.0, 5.0, 1e6)
-    assert sound_speed_mps(15.0, 30.0, 1e6) == pytest.approx(unesco_sound_speed_mps(15.0, 30.0, 1e6), abs=0.5)
-    with pytest.raises(OutOfValidityError):
-        sound_speed_mps(-1.0, 5.0, 0.0)
-
-
-def test_depth_is_the_definition_of_the_wire() -> None:
-    assert depth_m(101_325 + 1025 * 9.80665 * 60, 101_325) == pytest.approx(60.0)
-    assert depth_m(101_000, 101_325) < 0
-
-
-@pytest.mark.parametrize("pressure_pa", [math.nan, 2e8, -1e6])
-def test_depth_refuses_an_impossible_pressure(pressure_pa: float) -> None:
-    with pytest.raises(OutOfValidityError):
-        depth_m(pressure_pa, 101_325)
+def test_arrays_give_the_same_numbers_and_nan_outside() -> None:
+    conductivity = np.array([0.0, 0.05, 0.5, 4.2914, 9.0, np.nan])
+    answers = practical_salinity_psu(conductivity, np.full(6, 15.0), np.full(6, STANDARD_ATMOSPHERE_PA))
+    for found, alone in zip(answers[:4], conductivity[:4], strict=True):
+        assert found == pytest.approx(practical_salinity_psu(float(alone), 15.0, STANDARD_ATMOSPHERE_PA), abs=1e-12)
+    # 15 degC here is 15.0036 on the scale that defines 35 PSU.
+    assert answers[3] == pytest.approx(35.0, abs=4e-3)
+    assert np.isnan(answers[4:]).all()
