@@ -1,9 +1,10 @@
-"""Water from what a CTD measures: salinity, density, sound speed, depth.
+"""Water from what a CTD measures: salinity, density, sound speed, depth, the column under the vehicle.
 
 Temperatures are ITS-90. Every formula refuses to answer outside the range it was published for: a single number raises
 OutOfValidityError, an array gets NaN there.
 """
 
+from bluerov_slam.navigation.seawater.cast import CtdCast
 from bluerov_slam.navigation.seawater.density import density_kg_per_m3
 from bluerov_slam.navigation.seawater.depth import (
     SEA_WATER_DENSITY_KG_PER_M3,
@@ -20,6 +21,7 @@ from bluerov_slam.navigation.seawater.depth import (
     surface_pressure,
     vehicle_depth,
 )
+from bluerov_slam.navigation.seawater.profile import ColumnOptions, Extension, WaterColumn
 from bluerov_slam.navigation.seawater.salinity import CONDUCTIVITY_35_15_0_S_PER_M, practical_salinity_psu
 from bluerov_slam.navigation.seawater.sound_speed import (
     SoundSpeedFormula,
@@ -36,10 +38,14 @@ __all__ = [
     "SEA_WATER_DENSITY_KG_PER_M3",
     "STANDARD_ATMOSPHERE_PA",
     "STANDARD_GRAVITY_MPS2",
+    "ColumnOptions",
+    "CtdCast",
     "DepthFormula",
+    "Extension",
     "SoundSpeedFormula",
     "SurfacePressure",
     "VehicleDepth",
+    "WaterColumn",
     "del_grosso_sound_speed_mps",
     "density_kg_per_m3",
     "depth_m",
