@@ -263,7 +263,7 @@ class MovingVehicle:
         return WaterVelocity(np.array(self._velocity_mps), self.model.velocity_std(self._force_n, voltage_v))
 
     def _turning_n(self, rate: Sequence[float]) -> tuple[float, float, float]:
-        """Coriolis forces on mass and added mass (Fossen 2011, eq. 6.43 with a diagonal mass matrix)."""
+        """Coriolis forces on mass and added mass (Fossen 2011, with a diagonal mass matrix)."""
         p, q, r = rate
         u, v, w = (mass * speed for mass, speed in zip(self._masses_kg, self._velocity_mps, strict=True))
         return v * r - w * q, w * p - u * r, u * q - v * p

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,18 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 class CalibrationError(ExpectedError):
     """A saved calibration that cannot be used; says why."""
+
+
+def vector(values: NDArray[Any]) -> Vector:
+    """Three plain floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def matrix(rows: NDArray[Any]) -> Matrix:
+    """Three rows of three plain floats."""
+    a, b, c = (vector(row) for row in rows)
+    return a, b, c
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +132,18 @@ class CompassCalibration:
         return math.remainder(heading_rad, 2.0 * math.pi)
 
 
+Part = (
+    GyroCalibration | AccelerometerCalibration | MagnetometerCalibration | ThrusterFieldCalibration | CompassCalibration
+)
+_PARTS: dict[type[Any], str] = {
+    GyroCalibration: "gyro",
+    AccelerometerCalibration: "accelerometer",
+    MagnetometerCalibration: "magnetometer",
+    ThrusterFieldCalibration: "thruster_field",
+    CompassCalibration: "compass",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Everything known about one vehicle's sensors; None where it was never calibrated."""
@@ -147,6 +171,16 @@ class Calibration:
         field = self.magnetometer.apply(field_raw)
         return field if effort is None or self.thruster_field is None else self.thruster_field.apply(field, effort)
 
+    def with_part(self, part: Part) -> Calibration:
+        """The same with one part new."""
+        new: dict[str, Any] = {_PARTS[type(part)]: part}
+        return replace(self, **new)
+
+    def without(self, name: str) -> Calibration:
+        """The same with one part forgotten: `gyro`, `accelerometer`, `magnetometer`, `thruster_field`, `compass`."""
+        nothing: dict[str, Any] = {name: None}
+        return replace(self, **nothing)
+
     def to_json(self) -> dict[str, Any]:
         """Plain numbers, lists and strings; what was never calibrated is null."""
         return {"version": FORMAT_VERSION, **asdict(self)}
@@ -158,14 +192,8 @@ class Calibration:
         if version != FORMAT_VERSION:
             raise CalibrationError(f"calibration of version {version!r}, expected {FORMAT_VERSION}: calibrate anew")
         try:
-            return Calibration(
-                gyro=_read(saved, "gyro", GyroCalibration),
-                accelerometer=_read(saved, "accelerometer", AccelerometerCalibration),
-                magnetometer=_read(saved, "magnetometer", MagnetometerCalibration),
-                thruster_field=_read(saved, "thruster_field", ThrusterFieldCalibration),
-                compass=_read(saved, "compass", CompassCalibration),
-            )
-        except (KeyError, TypeError, ValueError) as error:
+            return Calibration(**{name: _read(saved[name], name, kind) for kind, name in _PARTS.items()})
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise CalibrationError(f"saved calibration cannot be read ({error}): calibrate anew") from error
 
 
@@ -174,8 +202,7 @@ def _corrected(raw: NDArray[Any], offset: Vector, matrix: Matrix) -> NDArray[np.
     return corrected
 
 
-def _read(saved: Mapping[str, Any], name: str, kind: type[Any]) -> Any:
-    fields = saved[name]
+def _read(fields: Mapping[str, Any] | None, name: str, kind: type[Any]) -> Any:
     if fields is None:
         return None
     values = {key: _frozen(value) for key, value in fields.items() if key != "made"}

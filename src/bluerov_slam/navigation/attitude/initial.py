@@ -77,7 +77,7 @@ def quest(
 ) -> Quaternion:
     """The attitude that fits two or more pairs of directions best (Wahba's problem, Davenport's q method).
 
-    Source: Markley and Mortari (2000), Quaternion attitude estimation using vector observations, eq. 19 to 24. Unlike
+    Source: Markley and Mortari (2000), Quaternion attitude estimation using vector observations. Unlike
     gravity-first above, it spreads a disagreement over all directions by their weights.
     """
     profile = np.einsum("i,ij,ik->jk", np.asarray(weights, float), _units(directions_ned), _units(directions_frd))

@@ -1,7 +1,7 @@
 """Mahony's complementary filter.
 
 R. Mahony, T. Hamel, J.-M. Pflimlin, Nonlinear complementary filters on the special orthogonal group (2008),
-doi:10.1109/TAC.2008.923738, equation 34 with gravity and the field as reference directions.
+doi:10.1109/TAC.2008.923738, the explicit filter (eq. 32) with gravity and the field.
 """
 
 from __future__ import annotations
