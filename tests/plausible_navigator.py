@@ -51,7 +51,9 @@ class Progress:
 class PlausibleNavigator:
     """Fixes set the position, a heading of the sensor and 0.3 m/s carry it on."""
 
-    def __init__(self, options: NavigatorOptions, saved: SavedNavigation | None = None) -> None:
+    def __init__(
+        self, options: NavigatorOptions, saved: SavedNavigation | None = None, saved_age_s: float | None = None
+    ) -> None:
         self.options = options
         self._origin = options.origin_deg
         self._position = np.zeros(2)

@@ -23,6 +23,8 @@ _log = logging.getLogger(__name__)
 
 SAVE_PERIOD_S: Final = 5.0
 CALIBRATION_PERIOD_S: Final = 0.5
+# Older than any estimate that is taken up again.
+ANCIENT_S: Final = 1e9
 _SENSOR_OF: Final[dict[type, str]] = {GpsFix: "gps", PositionFix: "position"}
 
 
@@ -43,10 +45,11 @@ class NavigationEngine:
         self.resumed: str | None = None
         self._now_s = now_s
         self._options = cast(NavigatorOptions, setup.options)
-        saved = self._load(setup)
-        self._navigator = _make_navigator(setup.navigator, self._options, saved)
+        saved, age_s = self._load(setup)
+        self._navigator = _make_navigator(setup.navigator, self._options, saved, age_s)
         self._file = None if setup.state_file is None else NavigationStateFile(Path(setup.state_file), setup.boot_id)
-        self._saved_s = now_s()
+        self._saved_s = -math.inf
+        self._unsaved = False
         self._told_s = -math.inf
         self._fixes: list[GpsFix | PositionFix] = []
         self._counts: dict[str, tuple[int, int]] = {}
@@ -63,6 +66,7 @@ class NavigationEngine:
         replies = [self._obey(ask, states, events, fixes) for ask in work.asks]
         if work.expire_s is not None:
             self._sort(self._navigator.expire(work.expire_s), states, events, fixes)
+        self._unsaved |= bool(states or work.asks)
         self._save_sometimes()
         return Done(
             tuple(states),
@@ -144,8 +148,8 @@ class NavigationEngine:
         return Reply(ask.number, not refused, told[-1].text if told else "done")
 
     def _save_sometimes(self) -> None:
-        if self._file is not None and self._now_s() - self._saved_s >= SAVE_PERIOD_S:
-            self._saved_s = self._now_s()
+        if self._file is not None and self._unsaved and self._now_s() - self._saved_s >= SAVE_PERIOD_S:
+            self._saved_s, self._unsaved = self._now_s(), False
             self._file.save(self._navigator.save().to_json())
 
     def _calibrations_sometimes(self, now: bool) -> tuple[Mapping[str, Any], ...]:
@@ -154,30 +158,34 @@ class NavigationEngine:
         self._told_s = self._now_s()
         return self.calibrations()
 
-    def _load(self, setup: Setup) -> SavedNavigation | None:
-        """What was saved. After another boot of the computer nobody knows how long ago that was, whatever its clock
-        says: only what does not age is taken up, the calibrations.
+    def _load(self, setup: Setup) -> tuple[SavedNavigation | None, float | None]:
+        """What was saved, and its age; None: by the monotonic clock, which went on.
+
+        After another boot of the computer nobody knows how long ago that was, whatever its clock says: only what does
+        not age is taken up, the calibrations.
         """
         if setup.state_file is None:
-            return None
+            return None, None
         data, same_boot, fault = load_saved(Path(setup.state_file), setup.boot_id)
         saved = None if data is None else SavedNavigation.from_json(data)
         if fault is None and data is not None and saved is None:
             fault = "the saved navigation is damaged: starting anew"
         if saved is None:
             self.resumed = fault
-            return None
+            return None, None
         if not same_boot:
-            return SavedNavigation(at_s=-math.inf, calibration=saved.calibration) if saved.calibration else None
+            return SavedNavigation(at_s=0.0, calibration=saved.calibration), ANCIENT_S
         if saved.position_known:
             self.resumed = "going on from the saved position; its uncertainty has grown with the time since"
-        return saved
+        return saved, None
 
 
-def _make_navigator(path: str, options: NavigatorOptions, saved: SavedNavigation | None) -> NavigatorLike:
+def _make_navigator(
+    path: str, options: NavigatorOptions, saved: SavedNavigation | None, age_s: float | None
+) -> NavigatorLike:
     module, _, name = path.partition(":")
     factory = getattr(importlib.import_module(module), name)
-    return cast(NavigatorLike, factory(options, saved))
+    return cast(NavigatorLike, factory(options, saved, age_s))
 
 
 def _place(state: NavState) -> tuple[float, float] | None:
