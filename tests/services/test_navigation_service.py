@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import signal
 from pathlib import Path
 
+import aiohttp
 import pytest
 
+from bluerov_slam.services.extension import Extension
+from bluerov_slam.services.settings_store import SettingsStore
+from bluerov_slam.sources.recording_reader import open_recording
+from bluerov_slam.sources.replay import ReplaySource, decoder_for
 from patience import PATIENCE_S
-from running_extension import running_extension, running_simulator, serial_port
+from running_extension import Running, open_store, running_extension, running_simulator, serial_port
+from simulated_dive import record_dive
 
 PLAUSIBLE = "plausible_navigator:PlausibleNavigator"
-UNDER_WAY = {"mission_start_s": 60.0}
 
 
 @pytest.fixture(autouse=True)
@@ -24,7 +31,11 @@ async def aided(running):
     return await running.until("/api/navigation", lambda data: data["mode"] == "aided")
 
 
-async def test_states_reach_the_page_the_api_and_the_hub(tmp_path):
+def chip(state):
+    return next(chip for chip in state["chips"] if chip["id"] == "navigation")
+
+
+async def test_states_reach_the_page_the_api_and_the_metrics(tmp_path):
     async with (
         running_simulator(tmp_path),
         running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
@@ -32,12 +43,158 @@ async def test_states_reach_the_page_the_api_and_the_hub(tmp_path):
         data = await aided(running)
         assert abs(data["position"]["latitude_deg"] - data["origin"]["latitude_deg"]) < 1e-3
         async with running.client.ws_connect("/ws") as socket:
+            greeting = [json.loads((await socket.receive()).data)["topic"] for _ in range(2)]
+            assert greeting == ["status", "navigation"]
             await socket.send_json({"subscribe": ["navigation"]})
+            messages = []
             async with asyncio.timeout(PATIENCE_S):
-                while (message := json.loads((await socket.receive()).data))["topic"] != "navigation":
-                    pass
-                message = json.loads((await socket.receive()).data)
-        assert message["topic"] == "navigation"
-        assert set(message["data"]) == set(data)
+                while len(messages) < 5:
+                    message = json.loads((await socket.receive()).data)
+                    messages += [message] if message["topic"] == "navigation" else []
+        assert all(set(message["data"]) == set(data) for message in messages)
+        times = [message["t"] for message in messages]
+        assert times == sorted(times)
         track = await running.until("/api/navigation/track", lambda track: len(track["points"]) > 1)
         assert track["fixes"][0][4:] == ["gps", True]
+        assert (await running.get("/api/navigation/track?since=9e9"))["points"] == []
+        assert chip(await running.get("/api/state"))["state"] == "ok"
+        async with running.client.get("/metrics") as response:
+            metrics = await response.text()
+        assert "bluerov_slam_navigation_running 1.0" in metrics
+        assert "bluerov_slam_navigation_records_dropped_total 0.0" in metrics
+
+
+async def test_a_crash_of_the_estimator_takes_nothing_else_down(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        await aided(running)
+        async with asyncio.timeout(PATIENCE_S):
+            while b'"position_known":true' not in (tmp_path / "state" / "navigation.json").read_bytes():
+                await asyncio.sleep(0.05)
+        frames = (await running.get("/health"))["frames"]
+        os.kill(running.extension.navigation.process.facts().pid, signal.SIGKILL)
+        state = await running.until("/api/state", lambda state: chip(state)["state"] == "fault")
+        assert "SIGKILL" in chip(state)["cause"]
+        assert chip(state)["cure"]
+        await running.until("/health", lambda health: health["frames"] > frames)
+        data = await running.until("/api/navigation", lambda data: data["reset_counter"] == 1)
+        assert data["position"]["north_m"] is not None
+        assert any("saved position" in text for text in running.events())
+        await running.until("/api/state", lambda state: chip(state)["state"] == "ok")
+
+
+async def test_actions_take_the_guard_and_answer_in_words(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        await aided(running)
+        status, answer = await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
+        assert (status, answer) == (200, {"ok": True, "message": "zero_depth: done"})
+        status, answer = await running.call("POST", "/api/navigation", json={"action": "zero_depth"}, headers={})
+        assert status == 403
+        for body, word in (
+            ({"action": "fly"}, "expected one of zero_depth"),
+            ({"action": "zero_depth", "kind": "gyro"}, "takes no kind"),
+            ({"action": "start_calibration", "kind": "nose"}, "expected one of gyro"),
+            ({"action": "set_origin", "latitude_deg": 54.0}, "both latitude_deg"),
+            ({"action": "set_origin", "latitude_deg": 91.0, "longitude_deg": 0.0}, "-90 to 90"),
+            ({"action": "set_origin", "latitude_deg": True, "longitude_deg": 0.0}, "-90 to 90"),
+            ({"action": "set_origin", "latitude_deg": 0.0, "longitude_deg": 0.0}, "without a fix"),
+        ):
+            status, answer = await running.call("POST", "/api/navigation", json=body)
+            assert status == 400, body
+            assert word in answer["error"], body
+        status, answer = await running.call(
+            "POST", "/api/navigation", json={"action": "set_origin", "latitude_deg": 54.0, "longitude_deg": 10.0}
+        )
+        assert status == 200
+        data = await running.until("/api/navigation", lambda data: data["origin"]["latitude_deg"] == 54.0)
+        assert data["origin"]["longitude_deg"] == 10.0
+        for query in ("points=1", "points=x", "since=nan"):
+            async with running.client.get(f"/api/navigation/track?{query}") as response:
+                assert response.status == 400, query
+
+
+async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        await aided(running)
+        calibration = await running.get("/api/navigation/calibration")
+        assert [kind["kind"] for kind in calibration["kinds"]] == ["gyro", "accelerometer", "magnetometer", "swing"]
+        assert all(kind["label"] for kind in calibration["kinds"])
+        for action, state in (("start_calibration", "running"), ("finish_calibration", "done")):
+            await running.call("POST", "/api/navigation", json={"action": action, "kind": "gyro"})
+            kinds = (await running.get("/api/navigation/calibration"))["kinds"]
+            assert kinds[0]["state"] == state
+        await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
+        steps = (await running.get("/api/navigation/calibration"))["assistant"]["steps"]
+        assert [step["id"] for step in steps] == ["zero_depth", "calibrate", "surface_run", "set_origin"]
+        assert [step["state"] for step in steps][:2] == ["done", "active"]
+
+
+async def test_settings_switch_it_off_and_on_and_make_it_anew(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        await aided(running)
+        process = running.extension.navigation.process
+        before = process.facts().pid
+        await running.call("PATCH", "/api/settings", json={"navigation.odometry_rate_hz": 8.0})
+        assert process.facts().pid == before, "what concerns the autopilot needs no new estimate"
+        await running.call("PATCH", "/api/settings", json={"navigation.origin": "54.5, 10.5"})
+        await running.until("/api/navigation", lambda data: data["mode"] == "aided")
+        assert process.facts().pid != before
+        await running.call("PATCH", "/api/settings", json={"navigation.enabled": False})
+        data = await running.get("/api/navigation")
+        assert (data["mode"], data["position"]["north_m"]) == ("off", None)
+        assert chip(await running.get("/api/state"))["state"] == "off"
+        status, answer = await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
+        assert (status, "switched off" in answer["error"]) == (409, True)
+        await running.call("PATCH", "/api/settings", json={"navigation.enabled": True})
+        await aided(running)
+        status, answer = await running.call("PATCH", "/api/settings", json={"navigation.origin": "95, 10"})
+        assert (status, "latitude -90 to 90" in answer["error"]) == (400, True)
+
+
+async def test_a_replay_navigates_too_keeps_nothing_and_sends_nothing(tmp_path):
+    session, _, _ = record_dive(tmp_path / "recordings", 40.0)
+    recording = open_recording(session)
+    source = ReplaySource(recording, 8.0)
+    flags = {"mavlink__enabled": True, "navigation__odometry_enabled": True}
+    store = open_store(tmp_path / "state", **flags)
+    extension = Extension(store, source, decoder=decoder_for(recording), navigator=PLAUSIBLE)
+    await extension.start()
+    try:
+        async with aiohttp.ClientSession(f"http://127.0.0.1:{extension.http.port}") as client:
+            running = Running(extension, client)
+            data = await aided(running)
+            assert "replay" in data["odometry"]["text"]
+            await asyncio.wait_for(source.finished.wait(), PATIENCE_S)
+    finally:
+        await extension.stop()
+    assert "ODOMETRY" not in extension.mavlink.counters()["sent"]
+    assert not list((tmp_path / "state").glob("navigation*.json"))
+
+
+async def test_a_simulated_vehicle_leaves_the_real_ones_state_alone(tmp_path):
+    state = tmp_path / "state"
+    async with (
+        running_simulator(tmp_path),
+        running_extension(state, port=serial_port(tmp_path), navigator=PLAUSIBLE, simulated=True) as running,
+    ):
+        assert (await aided(running))["simulated"] is True
+    assert (state / "navigation-simulated.json").exists()
+    assert not (state / "navigation.json").exists()
+
+
+def test_an_unreadable_origin_never_gets_into_the_settings(tmp_path):
+    store = SettingsStore.open(None, {"paths.state": str(tmp_path)}, {})
+    assert store.settings.navigation.origin_deg is None
+    store.change({"navigation.origin": " -54.25 , 10.125"})
+    assert store.settings.navigation.origin_deg == (-54.25, 10.125)

@@ -128,7 +128,7 @@ class Extension:
         )
         self.api = ExtensionApi(self, self.sensors)
         guard = ChangeGuard(lambda: store.settings.http.trusted_origins, lambda: store.settings.http.token)
-        metrics = metrics_page(StatusCollector(self.status.data, self._metrics_extra))
+        metrics = metrics_page(StatusCollector(self.status.data, self._metrics_extra, self.navigation.gauges))
         routes = [
             *self.api.routes(),
             *NavigationApi(self.navigation, self.vehicle.parameters, wall_time).routes(),
@@ -337,6 +337,7 @@ class Extension:
             "http_refused": self.http.refused + self.sensor_http.refused,
             "forwarding_refused_chunks": self.udp.refused_chunks,
             "subscriber_errors": sum(self.hub.errors_by_subscriber.values()),
+            **self.navigation.counters(),
         }
 
     def _tell_from_thread(self, level: EventLevel, text: str) -> None:

@@ -17,9 +17,15 @@ _PREFIX = "bluerov_slam"
 class StatusCollector(Collector):
     """Turns the status topic's object into metrics, so that the page and Prometheus cannot disagree."""
 
-    def __init__(self, status: Callable[[], dict[str, Any]], extra: Callable[[], dict[str, float]]) -> None:
+    def __init__(
+        self,
+        status: Callable[[], dict[str, Any]],
+        extra: Callable[[], dict[str, float]],
+        gauges: Callable[[], dict[str, float]] = dict,
+    ) -> None:
         self._status = status
         self._extra = extra
+        self._gauges = gauges
 
     def collect(self) -> Iterator[Metric]:
         status = self._status()
@@ -43,6 +49,8 @@ class StatusCollector(Collector):
         yield from _forwarding(status["forwarding"])
         for name, value in self._extra().items():
             yield _counter(name, name.replace("_", " "), value)
+        for name, value in self._gauges().items():
+            yield _gauge(name, name.replace("_", " "), value)
 
 
 def metrics_page(collector: Collector) -> Callable[[], bytes]:

@@ -50,6 +50,7 @@ class NavigationEngine:
         self._file = None if setup.state_file is None else NavigationStateFile(Path(setup.state_file), setup.boot_id)
         self._saved_s = -math.inf
         self._unsaved = False
+        self._position_saved = False
         self._told_s = -math.inf
         self._fixes: list[GpsFix | PositionFix] = []
         self._counts: dict[str, tuple[int, int]] = {}
@@ -67,6 +68,9 @@ class NavigationEngine:
         if work.expire_s is not None:
             self._sort(self._navigator.expire(work.expire_s), states, events, fixes)
         self._unsaved |= bool(states or work.asks)
+        if states and (states[-1].state.position_ned_m is not None) != self._position_saved:
+            self._saved_s = -math.inf  # what a restart most needs to know
+            self._position_saved = not self._position_saved
         self._save_sometimes()
         return Done(
             tuple(states),

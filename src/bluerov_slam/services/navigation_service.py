@@ -10,7 +10,15 @@ import orjson
 
 from bluerov_slam.errors import CommandError
 from bluerov_slam.pipeline.health import NavigationFacts, SensorFacts
-from bluerov_slam.protocol.navigation_json import OFF, FixOutcome, navigation_json, nothing_json, short_text, state_text
+from bluerov_slam.protocol.navigation_json import (
+    OFF,
+    FixOutcome,
+    error_ellipse,
+    navigation_json,
+    nothing_json,
+    short_text,
+    state_text,
+)
 from bluerov_slam.records import Event, EventLevel, NavMode, SensorTrust
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.navigation_assistant import DiveStartAssistant
@@ -62,6 +70,7 @@ class NavigationService:
         self._fix: FixOutcome | None = None
         self._sent_s = -math.inf
         self._save_error: str | None = None
+        self._states = 0
         self._dropped = 0
         self._dropped_s = -math.inf
 
@@ -119,6 +128,31 @@ class NavigationService:
             ),
         )
 
+    def counters(self) -> dict[str, float]:
+        """For Prometheus: what only grows."""
+        worker = self.process.facts()
+        return {
+            "navigation_restarts": worker.restarts,
+            "navigation_records_dropped": worker.dropped,
+            "navigation_states": self._states,
+            "navigation_odometry_sent": self._odometry.sent,
+        }
+
+    def gauges(self) -> dict[str, float]:
+        """For Prometheus: what is now; what is unknown is left out."""
+        worker, latest = self.process.facts(), self._latest
+        values: dict[str, float | None] = {
+            "navigation_running": float(worker.state is WorkerState.RUNNING),
+            "navigation_records_waiting": worker.waiting,
+        }
+        if latest is not None:
+            state = latest.state
+            ellipse = error_ellipse(state.pose_covariance)
+            values["navigation_error_ellipse_major_m"] = None if ellipse is None else ellipse.major_m
+            values["navigation_depth_m"] = state.depth_m
+            values["navigation_reset_counter"] = state.reset_counter
+        return {name: value for name, value in values.items() if value is not None}
+
     def calibration_json(self) -> dict[str, Any]:
         """What GET /api/navigation/calibration answers."""
         latest = self._latest
@@ -170,6 +204,7 @@ class NavigationService:
         self._take_save_error(done.save_error)
         for fix in done.fixes:
             self._fix = fix
+        self._states += len(done.states)
         for placed in done.states:
             self._latest = placed
             self.track.add(placed.state)
