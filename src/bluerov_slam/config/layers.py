@@ -233,7 +233,7 @@ def _expectation(info: SettingInfo) -> str:
     kinds: dict[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: _text(info.key)}
     annotation = _annotations()[info.key]
     if _is_list(annotation):
-        kind = _LISTS.get(info.unit or "", "a list of at most 16 names or addresses")
+        kind = _LISTS.get(info.key) or _LISTS.get(info.unit or "") or "a list of at most 16 names or addresses"
     else:
         kind = kinds.get(annotation if isinstance(annotation, type) else NoneType, "another value")
     limits = f" from {allowed(info)}" if allowed(info) else ""
@@ -262,6 +262,7 @@ def _plain(number: float) -> str:
 _LISTS = {
     "m": "a list of three numbers from -10 to 10",
     "deg": "a list of three numbers from -360 to 360",
+    "navigation.thruster_directions": "a list of 1 and -1, one for each thruster",
 }
 _TEXTS = {
     "navigation.origin": "nothing, or latitude and longitude such as 54.3219, 10.1356",

@@ -20,6 +20,7 @@ Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Vector3 = Annotated[tuple[Metres, Metres, Metres], Field(strict=False)]
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
 Angles3 = Annotated[tuple[Degrees, Degrees, Degrees], Field(strict=False)]
+Directions = Annotated[tuple[Literal[1, -1], ...], Field(strict=False, max_length=8)]
 Names = Annotated[tuple[HostName, ...], Field(strict=False, max_length=16)]
 Origins = Annotated[
     tuple[Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/\-]{1,253}$")], ...],
@@ -236,6 +237,11 @@ class NavigationSettings(Group):
         "BlueROV2 with six thrusters (standard) or eight (heavy); off: another vehicle, thrusters tell nothing",
         live=True,
     )
+    thruster_directions: Directions = setting(
+        (),
+        "1 or -1 for each thruster, as MOT_1_DIRECTION and so on are in the autopilot; empty: all 1",
+        live=True,
+    )
     origin: str = setting(
         "",
         "fixed zero of the map: latitude and longitude in degrees, such as 54.3219, 10.1356; empty: the first fix",
@@ -267,6 +273,17 @@ class NavigationSettings(Group):
     odometry_when_simulated: bool = setting(
         False, "send positions of a simulated vehicle to a real autopilot: only for a simulated one", live=True
     )
+
+    @model_validator(mode="after")
+    def _directions_fit(self) -> Self:
+        needed = {"standard": 6, "heavy": 8}.get(self.thruster_frame, 0)
+        if self.thruster_directions and len(self.thruster_directions) < needed:
+            raise PydanticCustomError(
+                "setting",
+                "expected as many directions as the frame has thrusters (6 or 8), or none",
+                {"key": "navigation.thruster_directions"},
+            )
+        return self
 
     @field_validator("origin")
     @classmethod

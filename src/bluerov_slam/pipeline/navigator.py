@@ -311,6 +311,8 @@ class Navigator:
     def _on_servos(self, record: VehicleServoOutput) -> bool:
         core = self._core
         measured_s = self._clocks.measured_s(record)
+        if self.options.thrust.layout is None:
+            return self._catch_up(measured_s, record.arrived_s) and False
         velocity = self._thrust.servos(record, measured_s, core.depth_m(), core.rate_frd_radps())
         if velocity is not None and core.heading_known():
             core.thrust_s = core.velocity_aid_s = measured_s

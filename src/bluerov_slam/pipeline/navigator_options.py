@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bluerov_slam.navigation.vehicle_model import BLUEROV2, ThrusterLayout
+
 Vector = tuple[float, float, float]
 
 
@@ -118,6 +120,7 @@ class FixOptions:
 class ThrustOptions:
     """Velocity through water from the thruster model, and the current."""
 
+    layout: ThrusterLayout | None = BLUEROV2  # None: another vehicle, its thrusters tell nothing
     noise_mps: float = 0.05  # [survey] per root second: gusts, tether, wash
     vertical_std_mps: float = 0.3
     scale_std: tuple[float, float] = (0.10, 0.10)  # [survey] 20 % of thrust is 11 % of speed; surge, sway

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from bluerov_slam.navigation.measurements import WaterVelocity
-from bluerov_slam.navigation.vehicle_model import PWM_STOP_US, MovingVehicle, ThrustModel
+from bluerov_slam.navigation.vehicle_model import BLUEROV2, PWM_STOP_US, MovingVehicle, ThrustModel
 from bluerov_slam.pipeline.navigator_watch import TimeWatch
 from bluerov_slam.pipeline.navigator_words import Fault, Wait
 
@@ -35,7 +35,7 @@ class ThrustIntake:
     def __init__(self, options: ThrustOptions, status: SensorStatus, model: ThrustModel | None = None) -> None:
         self._options = options
         self._status = status
-        self._model = model or ThrustModel()
+        self._model = model or ThrustModel(options.layout or BLUEROV2)
         self._vehicle = MovingVehicle(self._model)
         self._times = TimeWatch(2.0)
         self._pwm_us: tuple[int, ...] | None = None

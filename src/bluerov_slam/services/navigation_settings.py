@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Final
 
 from bluerov_slam.config import Settings
+from bluerov_slam.navigation.vehicle_model import BLUEROV2, BLUEROV2_HEAVY, ThrusterLayout
 from bluerov_slam.pipeline.navigator import NavigatorOptions
 
 NAVIGATOR: Final = "bluerov_slam.pipeline.navigator:Navigator"
@@ -32,6 +33,7 @@ def navigator_options(settings: Settings) -> NavigatorOptions:
             lever_arm_frd_m=navigation.gps_lever_arm_frd_m,
             latency_s=navigation.gps_latency_ms * _MILLISECOND,
         ),
+        thrust=replace(options.thrust, layout=_layout(navigation.thruster_frame, navigation.thruster_directions)),
         dvl=replace(options.dvl, lever_arm_frd_m=navigation.dvl_lever_arm_frd_m),
         fix=replace(
             options.fix,
@@ -40,6 +42,13 @@ def navigator_options(settings: Settings) -> NavigatorOptions:
         ),
         origin_deg=navigation.origin_deg,
     )
+
+
+def _layout(frame: str, directions: tuple[int, ...]) -> ThrusterLayout | None:
+    if frame == "off":
+        return None
+    layout = BLUEROV2_HEAVY if frame == "heavy" else BLUEROV2
+    return layout.with_directions(directions) if directions else layout
 
 
 def changes_estimator(keys: frozenset[str]) -> bool:
