@@ -26,7 +26,7 @@ from bluerov_slam.pipeline.navigator_commands import (
 )
 from bluerov_slam.pipeline.navigator_compass import CompassIntake
 from bluerov_slam.pipeline.navigator_core import Core
-from bluerov_slam.pipeline.navigator_depth import DepthIntake
+from bluerov_slam.pipeline.navigator_depth import DepthIntake, DepthReading
 from bluerov_slam.pipeline.navigator_fix import DvlIntake
 from bluerov_slam.pipeline.navigator_imu import ImuIntake
 from bluerov_slam.pipeline.navigator_options import NavigatorOptions
@@ -49,7 +49,9 @@ from bluerov_slam.records import (
     SensorSample,
     VehicleAttitude,
     VehicleBattery,
+    VehicleDepth,
     VehicleMotionDelta,
+    VehicleRange,
     VehicleServoOutput,
 )
 
@@ -201,6 +203,7 @@ class Navigator:
         self._start = StartUp()
         self._imu = ImuIntake(options.imu, core.book["imu"])
         self._compass = CompassIntake(options.compass, core.book["compass"])
+        self._depth_bias_std_m = math.inf
         self._depth = DepthIntake(options.depth, core.book["depth"])
         self._thrust = ThrustIntake(options.thrust, core.book["thrust"])
         self._dvl = DvlIntake(options.dvl, core.book["dvl"])
@@ -221,6 +224,8 @@ class Navigator:
             VehicleServoOutput: self._on_servos,
             VehicleBattery: self._on_battery,
             VehicleMotionDelta: self._on_motion,
+            VehicleDepth: self._on_depth,
+            VehicleRange: self._on_range,
         }
 
     def _read(self, saved: SavedNavigation | Mapping[str, Any] | None) -> SavedNavigation | None:
@@ -282,8 +287,7 @@ class Navigator:
         angles = None if bursts_come else self._imu.angles(record, core.place.declination_rad)
         if not bursts_come and record.imu_alive and record.roll_rad is not None:
             self._angles_s = record.arrived_s
-        if reading is not None:
-            core.offer(Depth(reading.at_s, reading.depth_m, self.options.depth.std_m))
+        self._offer_depth(reading)
         self._positions.gps_sample(record, self._output.distance_m)
         if bursts_come:
             return False
@@ -323,6 +327,15 @@ class Navigator:
         self._thrust.battery(record)
         return False
 
+    def _on_depth(self, record: VehicleDepth) -> bool:
+        reading = self._depth.vehicle(record, self._clocks.measured_s(record))
+        self._offer_depth(reading)
+        return False
+
+    def _on_range(self, record: VehicleRange) -> bool:
+        self._output.take_altitude(self._clocks.measured_s(record), record.distance_m)
+        return False
+
     def _on_motion(self, record: VehicleMotionDelta) -> bool:
         core = self._core
         measured_s = self._clocks.measured_s(record)
@@ -331,6 +344,16 @@ class Navigator:
             core.velocity_aid_s = measured_s
             core.offer(velocity)
         return self._catch_up(measured_s, record.arrived_s) and False
+
+    def _offer_depth(self, reading: DepthReading | None) -> None:
+        """Into the filter; a zero found after the filter began is as good as its own standard deviation."""
+        timeline = self._core.timeline
+        if reading is None or timeline is None:
+            return
+        if self._depth.bias_std_m < self._depth_bias_std_m:
+            self._depth_bias_std_m = self._depth.bias_std_m
+            timeline.buffer.reset_block("depth_bias", 0.0, self._depth_bias_std_m)
+        self._core.offer(Depth(reading.at_s, reading.depth_m, self.options.depth.std_m))
 
     def _catch_up(self, to_s: float, arrived_s: float) -> bool:
         """Move on to a record's instant where the IMU is silent; whether that was so."""
@@ -364,6 +387,7 @@ class Navigator:
         """The first attitude is there."""
         core = self._core
         depth_m = self._depth.newest_m or 0.0
+        self._depth_bias_std_m = self._depth.bias_std_m
         place = core.place
         filter_ = make_filter(
             start, self.options, core.calibration, depth_m, self._depth.bias_std_m, place.latitude_deg

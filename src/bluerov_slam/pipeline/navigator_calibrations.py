@@ -91,7 +91,7 @@ class Calibrations:
         residual, unit = (None, "") if made is None else (made.residual, made.unit)
         dated = None if made is None else made.made_unix_s
         if routine is not None:
-            state = "ready" if routine.state is "ready" else "running"
+            state = "ready" if routine.state == "ready" else "running"
             return CalibrationProgress(kind, state, routine.progress, routine.instruction, residual, unit, dated)
         state, text = ("none", NEVER) if made is None else ("done", MADE)
         return CalibrationProgress(kind, state, None, text, residual, unit, dated)

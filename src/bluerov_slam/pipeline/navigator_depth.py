@@ -19,7 +19,7 @@ from bluerov_slam.pipeline.navigator_words import Fault
 if TYPE_CHECKING:
     from bluerov_slam.pipeline.navigator_options import DepthOptions
     from bluerov_slam.pipeline.navigator_sensors import SensorStatus
-    from bluerov_slam.records import CtdSample, SensorSample
+    from bluerov_slam.records import CtdSample, SensorSample, VehicleDepth
 
 # The first moments at the surface give the surface pressure: long enough to average a few waves.
 ZERO_OVER_S = 10.0
@@ -33,6 +33,8 @@ PRESSURE_POSSIBLE_PA = (50_000.0, 3.2e6)
 DENSITY_POSSIBLE_KG_PER_M3 = (990.0, 1050.0)
 DENSITY_SMOOTHING = 0.02
 DENSITY_BELOW_M = 0.5
+# The vehicle's own depth is taken once the link has brought no pressure for so long.
+LINK_GONE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class DepthIntake:
         self._times = TimeWatch(2.0)
         self._frozen = FrozenWatch(FROZEN_AFTER_S, FROZEN_AT_LEAST)
         self._taken_s = -math.inf
+        self._link_s = -math.inf
         self._first: list[tuple[float, float]] = []
         self._recent: deque[tuple[float, float]] = deque()
         self.surface_pressure_pa = surface_pressure_pa
@@ -97,9 +100,29 @@ class DepthIntake:
         """The depth of one SENSORS frame, None where there is none to be used."""
         if record.pressure_pa is None:
             return None
-        self._status.hear(record.arrived_s)
-        pressure_pa = record.pressure_pa
-        fault = self._times.check(record.measured_s, record.arrived_s)
+        self._link_s = record.arrived_s
+        return self._pressure(record.pressure_pa, record.measured_s, record.arrived_s)
+
+    def vehicle(self, record: VehicleDepth, measured_s: float) -> DepthReading | None:
+        """The depth of the vehicle's own sensor, where the link brings none."""
+        if record.arrived_s - self._link_s < LINK_GONE_S:
+            return None
+        if record.pressure_pa is not None:
+            return self._pressure(record.pressure_pa, measured_s, record.arrived_s)
+        if record.depth_m is None:
+            return None
+        if self.surface_pressure_pa is None:
+            # The vehicle zeroed it: any pressure serves as that of the surface.
+            self.surface_pressure_pa, self.zeroed_itself = STANDARD_ATMOSPHERE_PA, True
+        pressure_pa = self.surface_pressure_pa + record.depth_m * self.density_kg_per_m3 * STANDARD_GRAVITY_MPS2
+        # Logs round depths to decimetres: the same one for a while is no fault.
+        return self._pressure(pressure_pa, measured_s, record.arrived_s, may_repeat=True)
+
+    def _pressure(
+        self, pressure_pa: float, measured_s: float, arrived_s: float, may_repeat: bool = False
+    ) -> DepthReading | None:
+        self._status.hear(arrived_s)
+        fault = self._times.check(measured_s, arrived_s)
         if fault is Fault.REPEATED_TIME and not self._times.hangs:
             return None
         low, high = PRESSURE_POSSIBLE_PA
@@ -107,12 +130,12 @@ class DepthIntake:
             fault = Fault.NOT_A_NUMBER
         elif not low <= pressure_pa <= high:
             fault = Fault.PRESSURE_RANGE
-        elif self._frozen.check(pressure_pa, record.measured_s):
+        elif not may_repeat and self._frozen.check(pressure_pa, measured_s):
             fault = Fault.FROZEN
         if fault is not None:
-            self._status.refuse(fault, record.arrived_s)
+            self._status.refuse(fault, arrived_s)
             return None
-        at_s = record.measured_s - self._options.latency_s
+        at_s = measured_s - self._options.latency_s
         self._learn_zero(at_s, pressure_pa)
         if self.surface_pressure_pa is None:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 # With a larger error than this an attitude says nothing.
 ATTITUDE_KNOWN_RAD = 1.5
 DISTANCE_STEP_S = 1.0
+ALTITUDES_KEPT = 8
+# An older height above the bottom is another place's.
+ALTITUDE_AGE_S = 3.0
 # Slower than this the path's length would be noise.
 DISTANCE_LEAST_MPS = 0.05
 POSE = np.array([0, 1, 2, 6, 7, 8])
@@ -39,6 +43,7 @@ class Output:
         self._depth = depth
         self.distance_m = 0.0
         self._from: tuple[float, float, float] | None = None
+        self._altitudes: deque[tuple[float, float]] = deque(maxlen=ALTITUDES_KEPT)
 
     def state(self, arrived_s: float) -> NavState:
         """The estimate as of now."""
@@ -84,7 +89,7 @@ class Output:
             velocity_covariance_m2ps2=covariance[3:6, 3:6].copy(),
             depth_m=depth_m if depth_known else None,
             depth_std_m=depth_std_m if depth_known else None,
-            altitude_m=None,
+            altitude_m=self._altitude(estimate.at_s),
             current_ne_mps=current,
             current_std_mps=current_std,
             last_fix_s=core.last_fix_s,
@@ -92,6 +97,19 @@ class Output:
             reset_counter=core.reset_counter,
             sensors=sensors,
         )
+
+    def take_altitude(self, measured_s: float, altitude_m: float) -> None:
+        """A height above the bottom, as an echo sounder says it: shown, not used for the estimate."""
+        status = self._core.book["altitude"]
+        status.hear(self._core.now_s)
+        if math.isfinite(altitude_m) and altitude_m > 0.0:
+            status.use(measured_s)
+            self._altitudes.append((measured_s, altitude_m))
+
+    def _altitude(self, at_s: float) -> float | None:
+        """The newest that is not of another time."""
+        near = [altitude_m for measured_s, altitude_m in self._altitudes if abs(at_s - measured_s) <= ALTITUDE_AGE_S]
+        return near[-1] if near else None
 
     def _mode(self, at_s: float) -> NavMode:
         core = self._core

@@ -8,7 +8,9 @@ from bluerov_slam.clock import DeviceClock
 from bluerov_slam.records import (
     VehicleAttitude,
     VehicleBattery,
+    VehicleDepth,
     VehicleMotionDelta,
+    VehicleRange,
     VehicleServoOutput,
 )
 
@@ -25,6 +27,8 @@ class VehicleClocks:
         self._attitude = DeviceClock()
         self._servos = DeviceClock()
         self._motion = DeviceClock()
+        self._depth = DeviceClock()
+        self._range = DeviceClock()
 
     def measured_s(self, record: VehicleRecord) -> float:
         """When it was measured, on the host's monotonic clock. A battery's message carries no time of its own."""
@@ -34,5 +38,9 @@ class VehicleClocks:
             return self._servos.map_us32(record.boot_us % _WRAP, record.arrived_s)
         if isinstance(record, VehicleMotionDelta):
             return self._motion.map_us32(record.boot_us % _WRAP, record.arrived_s)
+        if isinstance(record, VehicleDepth):
+            return self._depth.map_ms32(record.boot_ms % _WRAP, record.arrived_s)
+        if isinstance(record, VehicleRange):
+            return self._range.map_ms32(record.boot_ms % _WRAP, record.arrived_s)
         assert isinstance(record, VehicleBattery)
         return record.arrived_s

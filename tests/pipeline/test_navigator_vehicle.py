@@ -1,0 +1,69 @@
+"""Logs of a vehicle without our link: attitude, depth and height of the autopilot."""
+
+import math
+
+import pytest
+
+from bluerov_slam.pipeline.navigator import Navigator
+from bluerov_slam.records import NavState, SensorTrust, VehicleAttitude, VehicleDepth, VehicleRange
+from pipeline.navigator_records import sensor_sample
+
+SURFACE_PA = 101_500.0
+PA_PER_M = 1025.0 * 9.80665
+
+
+def run(records) -> NavState:
+    navigator = Navigator()
+    states = [result for record in records for result in navigator.feed(record) if isinstance(result, NavState)]
+    return states[-1]
+
+
+def attitude(at_s: float) -> VehicleAttitude:
+    wobble = 0.01 * math.sin(at_s)
+    return VehicleAttitude(at_s, round(at_s * 1000), wobble, -wobble, 0.5 + wobble, (0.0, 0.0, math.nan))
+
+
+def dive(depth, until_s: float = 60.0):
+    """Ten seconds at the surface, then down to 5 m at 0.2 m/s; the depth as `depth(at_s, depth_m)` says it."""
+    for step in range(round(until_s * 5)):
+        at_s = 10.0 + step * 0.2
+        depth_m = min(5.0, max(0.0, 0.2 * (at_s - 20.0)))
+        yield attitude(at_s)
+        yield depth(at_s + 0.05, depth_m + 0.002 * math.sin(7.0 * at_s))
+
+
+def test_the_vehicles_pressure_gives_the_depth():
+    state = run(dive(lambda at_s, m: VehicleDepth(at_s, round(at_s * 1000), SURFACE_PA + m * PA_PER_M, None, 12.0)))
+    assert state.depth_m == pytest.approx(5.0, abs=0.1)
+    assert state.depth_std_m is not None
+    assert 0.0 < state.depth_std_m < 0.5
+
+
+def test_a_log_that_rounds_its_depth_gives_it_all_the_same():
+    state = run(dive(lambda at_s, m: VehicleDepth(at_s, round(at_s * 1000), None, round(m / 0.1) * 0.1, None)))
+    assert state.depth_m == pytest.approx(5.0, abs=0.1)
+    (sensor,) = [sensor for sensor in state.sensors if sensor.name == "depth"]
+    assert sensor.trust is SensorTrust.USED
+
+
+def test_the_links_pressure_goes_before_the_vehicles():
+    records = []
+    for record in dive(lambda at_s, m: VehicleDepth(at_s, round(at_s * 1000), 400_000.0, None, None)):
+        if isinstance(record, VehicleDepth):
+            pressure_pa = SURFACE_PA + 3.0 * math.sin(record.arrived_s)
+            records.append(
+                sensor_sample(record.arrived_s, pressure_pa=pressure_pa, device_ms=round(1000.0 * record.arrived_s))
+            )
+        records.append(record)
+    state = run(records)
+    assert state.depth_m == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_height_is_shown_while_it_is_new():
+    navigator = Navigator()
+    navigator.feed(attitude(10.0))
+    navigator.feed(VehicleRange(10.1, 10_100, 3.25, None))
+    shown = [state for state in navigator.feed(attitude(10.2)) if isinstance(state, NavState)]
+    assert shown[-1].altitude_m == 3.25
+    later = [s for step in range(100) for s in navigator.feed(attitude(10.4 + step * 0.2)) if isinstance(s, NavState)]
+    assert later[-1].altitude_m is None
