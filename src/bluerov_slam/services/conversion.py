@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from bluerov_slam.errors import RecordingError
@@ -23,6 +21,7 @@ from bluerov_slam.sinks.csv_tables import CsvTables
 from bluerov_slam.sinks.dive_track import DiveTrack
 from bluerov_slam.sinks.jsonl_log import SensorLines
 from bluerov_slam.sinks.klf_writer import KlfWriter
+from bluerov_slam.sinks.whole_output import in_whole
 from bluerov_slam.sinks.xtf_writer import XtfWriter
 from bluerov_slam.sources.recording_reader import Recording, open_recording
 from bluerov_slam.sources.replay import decode
@@ -38,7 +37,7 @@ class _Dive:
         self.track = DiveTrack(recording.utc_offset_s)
         self.dual: set[Channel] = set()
         self.sonar_frames = 0
-        valid = False
+        valid = recording.imported_from is not None
         for record in self.records():
             self.track.add(record)
             valid = valid or not isinstance(record, UnknownFrame | VehicleRecord)
@@ -78,32 +77,11 @@ def convert(
         raise RecordingError(f"{output} exists already: choose another name, or add --force to replace it")
     dive = _Dive(open_recording(source), baud, swap)
     try:
-        with _in_whole(output) as unfinished:
+        with in_whole(output) as unfinished:
             summary = converters[target_format](dive, unfinished)
     except OSError as error:
         raise RecordingError(f"cannot write {output}: {error.strerror or error}; choose another place") from error
     return [f"{output}: {summary}", *dive.problems]
-
-
-@contextmanager
-def _in_whole(output: Path) -> Iterator[Path]:
-    """A path beside `output` that takes its place only once everything is written."""
-    unfinished = output.with_name(output.name + ".part")
-    _remove(unfinished)
-    try:
-        yield unfinished
-        if output.is_dir():
-            _remove(output)
-        unfinished.replace(output)
-    finally:
-        _remove(unfinished)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 def _to_jsonl(dive: _Dive, path: Path) -> str:

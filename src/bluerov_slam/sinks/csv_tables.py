@@ -1,4 +1,7 @@
-"""A dive as three tables: sensors, GPS, index of its pings. Units stand in the column names; unknown is empty."""
+"""A dive as tables: sensors, GPS, index of its pings, and positions from outside if there are any.
+
+Units stand in the column names; unknown is empty.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
 
-from bluerov_slam.records import CtdSample, GpsFix, Ping, Record, SensorSample
+from bluerov_slam.records import CtdSample, GpsFix, Ping, PositionFix, Record, SensorSample
 from bluerov_slam.sinks.dive_track import DiveTrack
 
 _TIME = ("utc", "unix_s", "monotonic_s")
@@ -28,6 +31,11 @@ _PINGS = (
     "channel", "sub_channel", "number", "samples", "first_sample", "resolution_m", "range_m", "decimation",
     "samples_lost", "latitude_deg", "longitude_deg", "yaw_deg", "pitch_deg", "roll_deg", "depth_m",
 )  # fmt: skip
+_POSITIONS = (
+    "source", "latitude_deg", "longitude_deg", "north_variance_m2", "north_east_covariance_m2", "east_variance_m2",
+    "depth_m",
+)  # fmt: skip
+POSITIONS = "positions.csv"
 TABLES = {"sensors.csv": _SENSORS, "gps.csv": _GPS, "pings.csv": _PINGS}
 
 
@@ -36,16 +44,14 @@ class CsvTables:
 
     def __init__(self, folder: Path, track: DiveTrack) -> None:
         self.rows = dict.fromkeys(TABLES, 0)
+        self._folder = folder
         self._track = track
         self._offset_s = track.utc_offset_s
         self._streams: list[TextIO] = []
         self._tables: dict[str, Any] = {}
         self._waiting: SensorSample | None = None
         for name, columns in TABLES.items():
-            stream = (folder / name).open("w", newline="", encoding="utf-8")
-            self._streams.append(stream)
-            self._tables[name] = csv.writer(stream)
-            self._tables[name].writerow((*_TIME, *columns))
+            self._begin(name, columns)
 
     def __enter__(self) -> CsvTables:
         return self
@@ -67,8 +73,24 @@ class CsvTables:
             self._write_sensors(record)
         elif isinstance(record, GpsFix):
             self._row("gps.csv", record.measured_s, _gps_values(record))
+        elif isinstance(record, PositionFix):
+            self._write_position(record)
         elif isinstance(record, Ping):
             self._row("pings.csv", record.measured_s, self._ping_values(record))
+
+    def _begin(self, name: str, columns: Sequence[str]) -> None:
+        stream = (self._folder / name).open("w", newline="", encoding="utf-8")
+        self._streams.append(stream)
+        self._tables[name] = csv.writer(stream)
+        self._tables[name].writerow((*_TIME, *columns))
+
+    def _write_position(self, fix: PositionFix) -> None:
+        if POSITIONS not in self._tables:
+            self.rows[POSITIONS] = 0
+            self._begin(POSITIONS, _POSITIONS)
+        covariance = fix.covariance_ne_m2 or (None, None, None)
+        values = (fix.source, fix.latitude_deg, fix.longitude_deg, *covariance, fix.depth_m)
+        self._row(POSITIONS, fix.measured_s, values)
 
     def _write_sensors(self, ctd: CtdSample | None) -> None:
         """The sample that waits for the CTD computed from it."""

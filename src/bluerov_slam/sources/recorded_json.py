@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -67,7 +68,8 @@ def _navigation(fields: Mapping[str, Any]) -> NavState:
 
 
 def _tupled(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    """JSON has no NaN: null among numbers was one."""
+    return tuple(math.nan if each is None else each for each in value) if isinstance(value, list) else value
 
 
 _READERS: dict[str, Callable[[Mapping[str, Any]], Record]] = {
