@@ -17,6 +17,7 @@ COMMANDS = {
     "extension": "extension",
     "health": "health",
     "import": "import_log",
+    "navigate": "navigate",
     "replay": "replay",
     "run": "run",
     "simulate": "simulate",

@@ -18,6 +18,7 @@ from bluerov_slam.sinks.jsonl_log import JsonlLog, NavigationLines, SensorLines
 from bluerov_slam.sinks.mcap_log import PING_TOPICS, McapLog, to_ns
 from bluerov_slam.sinks.mcap_recovery import recover_mcap
 from bluerov_slam.sinks.session_file import change_session, new_session
+from bluerov_slam.sinks.state_thinning import StateThinning
 
 _log = logging.getLogger(__name__)
 
@@ -58,8 +59,8 @@ class SessionWriter:
         self._jsonl: JsonlLog | None = None
         self._lines = SensorLines(self.wall_offset_ns)
         self._navigation_lines = NavigationLines(self.wall_offset_ns, start.metadata.get("simulated") == "true")
-        self._navigation_due = _Thinning(NAVIGATION_PERIOD_S)
-        self._navigation_line_due = _Thinning(NAVIGATION_LINE_PERIOD_S)
+        self._navigation_due = StateThinning(NAVIGATION_PERIOD_S)
+        self._navigation_line_due = StateThinning(NAVIGATION_LINE_PERIOD_S)
         self._lines_failed = 0
         self._unflushed: list[records.Record] = []
         self._cut: list[Path] = []
@@ -271,27 +272,6 @@ class SessionWriter:
             "wall_clock_trusted": None if offset_s is None else abs(offset_s) <= TRUSTED_OFFSET_S,
             "wall_steps": self._wall_steps,
         }
-
-
-class _Thinning:
-    """Lets an estimate through at most once in `period_s`, but each one that brings a new mode or a jump."""
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._before: records.NavState | None = None
-
-    def wants(self, state: records.NavState) -> bool:
-        before = self._before
-        wanted = (
-            before is None
-            or state.mode is not before.mode
-            or state.reset_counter != before.reset_counter
-            # Half a period of a 20 Hz estimate early is on time.
-            or not 0.0 <= state.measured_s - before.measured_s < self._period_s - 0.025
-        )
-        if wanted:
-            self._before = state
-        return wanted
 
 
 def _write_mcap(mcap: McapLog, record: records.Record) -> int:
