@@ -17,7 +17,8 @@ class Conditions:
     `current_*`: velocity of the water over ground per horizontal axis, and its walk. `speed_scale_std`: how far the
     hull's speed for a given thrust is from the nominal vehicle's, ahead; half of it sideways. `compass_total_rad`: root
     sum square of the deviation coefficients A, B and C. `unmodelled_velocity`: white velocity of the water around the
-    vehicle, as position walk. The second group is zero in the nominal family.
+    vehicle, as position walk. `tether_share`: drag of 100 m of cable as a share of the hull's. `thruster_spread`: of the
+    thrusters' strength, one from the other. The second group is zero in the nominal family.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Conditions:
     unmodelled_velocity_m_per_root_s: float
     thruster_field_nt_per_a: float
     tether_share: float
+    thruster_spread: float = 0.005
 
     heavy_tails: bool = False
     gust_std_mps: float = 0.0
@@ -62,7 +64,8 @@ def conditions_of(name: str, family: str = "nominal") -> Conditions:
     return replace(
         chosen,
         heavy_tails=True,
-        gust_std_mps=0.3 * chosen.current_std_mps + 0.01,
+        gust_std_mps=0.15 * chosen.current_std_mps + 0.005,
+        thruster_spread=0.02,
         shear_share=0.10,
         tide_mps=0.25 * chosen.current_std_mps,
         wave_height_m=0.35,

@@ -23,7 +23,6 @@ RATE, RATE_CHANGE, THROUGH_WATER, CURRENT = slice(13, 16), slice(16, 19), slice(
 VOLTAGE, AMPERES, SURFACE, FIRST_PWM = 24, 25, 26, 27
 
 _THRUST_LAG_S = 0.12
-_THRUSTER_SPREAD = 0.015
 _HOTEL_A = 1.2
 _BUFFET_NM, _BUFFET_S = (0.10, 0.10, 0.12), 0.8
 _CABLE_REACH_M = 100.0
@@ -51,7 +50,7 @@ class Flight:
         rng = np.random.default_rng([seed, 0xB0A7])
         scales = conditions.speed_scale_std * np.clip(rng.standard_normal(2), -2.5, 2.5) * (1.0, 0.5)
         self.hull = Hull(float(scales[0]), float(scales[1]))
-        self._efficiency = (1.0 + _THRUSTER_SPREAD * rng.standard_normal(frame.count)).tolist()
+        self._efficiency = (1.0 + conditions.thruster_spread * rng.standard_normal(frame.count)).tolist()
         self._battery = Battery(float(rng.uniform(0.85, 1.0)))
         self._conditions = conditions
         self._frame = frame

@@ -12,6 +12,7 @@ from bluerov_slam.simulation.noise_processes import GaussMarkov, random_walk_tim
 
 _EDDY_S, _EDDY_SMOOTHING_S = 3.0, 0.4
 _DOWN_SHARE = 0.3  # of the turbulence
+_DIVEABLE = 2.25  # standard deviations of one axis: in more current than that nobody goes in
 _TIDE_PERIOD_S = 44_714.0
 _SHEAR_DEPTH_M = 10.0
 _GUST_S = 40.0
@@ -46,7 +47,9 @@ class Ocean:
         rng = np.random.default_rng([seed, 0xC0])
         std, walk = conditions.current_std_mps, conditions.current_walk_mps_per_root_s
         time_constant_s = random_walk_time_constant_s(std, walk) if std > 0.0 else 1.0e5
-        self._current = GaussMarkov(rng, (std, std), time_constant_s)
+        first = std * rng.standard_normal(2)
+        first *= min(1.0, _DIVEABLE * std / max(float(np.hypot(*first)), 1.0e-9))
+        self._current = GaussMarkov(rng, (std, std), time_constant_s, first=first.tolist())
         self._gusts = GaussMarkov(rng, (conditions.gust_std_mps,) * 2, _GUST_S)
         self._bursts = GaussMarkov(rng, (1.0,), _BURST_S)
         self._tide_rad = rng.uniform(0.0, 2.0 * math.pi, 2)

@@ -23,13 +23,14 @@ _LEARN_PER_S = 0.15
 _MOST_CURRENT_MPS = 0.9
 _EASING_MPS2 = 0.15
 _STICK_STEP_N = 1.5
-_MOST_STICK_N = 110.0
+_MOST_STICKS_N = 105.0  # ahead and aside together: leaves the thrusters something to turn with
 _TURN_RADPS = math.radians(14.0)
 _HEADING_NM_PER_RAD, _HEADING_NM_PER_RADPS, _MOST_TURN_NM = 3.0, 2.2, 6.0
 _DEPTH_N_PER_M, _DEPTH_N_PER_MPS, _DEPTH_N_PER_MS, _MOST_HEAVE_N = 70.0, 80.0, 6.0, 60.0
 _LEVEL_NM_PER_RAD, _LEVEL_NM_PER_RADPS = 1.5, 0.9
-_CRAB_SHARE = 0.5  # of the cross current is met with the heading, the rest with the side stick
-_GIVES_UP_M = 4.0
+# What share of the cross current is met with the heading, the rest with the side stick; more where it is strong.
+_CRAB_SHARE, _CRAB_SHARE_PER_MPS, _MOST_CRAB_SHARE = 0.5, 1.4, 0.95
+_WAITS_M = 4.0
 
 
 class Target(NamedTuple):
@@ -82,12 +83,15 @@ class Pilot:
     def steer(self, at_s: float, seen: Seen) -> list[int]:
         """PWM of every thruster until the next call."""
         target = self._route.target(at_s - self.behind_s)
+        if self.behind_s:  # the times of diving and surfacing do not wait
+            target = target._replace(depth_m=self._route.target(at_s).depth_m)
         misjudged_n, misjudged_e = self._misjudged.at(at_s).tolist()
         off_n, off_e = target.north_m - seen.north_m - misjudged_n, target.east_m - seen.east_m - misjudged_e
-        if math.hypot(off_n, off_e) > _GIVES_UP_M:
-            self.behind_s += self._step_s  # the schedule waits for the vehicle
-        cos_c, sin_c = math.cos(target.course_rad), math.sin(target.course_rad)
-        wanted_n, wanted_e = target.speed_mps * cos_c, target.speed_mps * sin_c
+        speed_mps = target.speed_mps
+        if math.hypot(off_n, off_e) > _WAITS_M:
+            self.behind_s += self._step_s  # first back to the track, which waits
+            speed_mps = 0.0
+        wanted_n, wanted_e = speed_mps * math.cos(target.course_rad), speed_mps * math.sin(target.course_rad)
         extra_n, extra_e = _CATCH_UP_PER_S * off_n, _CATCH_UP_PER_S * off_e
         size = math.hypot(extra_n, extra_e)
         if size > _MOST_EXTRA_MPS:
@@ -116,21 +120,25 @@ class Pilot:
         """Forces ahead and to starboard for a wanted velocity over ground."""
         error_n, error_e = wanted_n - seen.velocity_ned_mps[0], wanted_e - seen.velocity_ned_mps[1]
         current = self._current_ne
-        for axis, error in enumerate((error_n, error_e)):
-            learned = current[axis] - _LEARN_PER_S * error * self._step_s
-            current[axis] = min(_MOST_CURRENT_MPS, max(-_MOST_CURRENT_MPS, learned))
         through_n, through_e = wanted_n - current[0], wanted_e - current[1]
         cos_y, sin_y = math.cos(seen.yaw_rad), math.sin(seen.yaw_rad)
         ahead = drag_n(cos_y * through_n + sin_y * through_e, DRAG_X) + 35.0 * (cos_y * error_n + sin_y * error_e)
         aside = drag_n(cos_y * through_e - sin_y * through_n, DRAG_Y) + 35.0 * (cos_y * error_e - sin_y * error_n)
-        return _stick(ahead), _stick(aside)
+        share = min(1.0, _MOST_STICKS_N / max(abs(ahead) + abs(aside), 1.0))
+        if share == 1.0:  # at full throttle the error says nothing about the current
+            for axis, error in enumerate((error_n, error_e)):
+                learned = current[axis] - _LEARN_PER_S * error * self._step_s
+                current[axis] = min(_MOST_CURRENT_MPS, max(-_MOST_CURRENT_MPS, learned))
+        return _stick(share * ahead), _stick(share * aside)
 
     def _hold_heading(self, at_s: float, target: Target, seen: Seen) -> float:
         heading_rad = target.heading_rad
         if target.speed_mps > 0.05:
             north_mps, east_mps = self._current_ne
-            cross_mps = math.cos(target.course_rad) * east_mps - math.sin(target.course_rad) * north_mps
-            heading_rad -= _CRAB_SHARE * math.atan2(cross_mps, target.speed_mps + 0.3)
+            cos_c, sin_c = math.cos(target.course_rad), math.sin(target.course_rad)
+            along_mps = max(0.2, target.speed_mps - cos_c * north_mps - sin_c * east_mps)
+            share = min(_MOST_CRAB_SHARE, _CRAB_SHARE + _CRAB_SHARE_PER_MPS * math.hypot(north_mps, east_mps))
+            heading_rad -= share * math.atan2(cos_c * east_mps - sin_c * north_mps, along_mps)
         most = _TURN_RADPS * self._step_s
         turn = math.remainder(heading_rad - self._heading_rad, 2.0 * math.pi)
         self._heading_rad += min(most, max(-most, turn))
@@ -151,5 +159,4 @@ class Pilot:
 
 
 def _stick(force_n: float) -> float:
-    stepped_n = _STICK_STEP_N * round(force_n / _STICK_STEP_N)
-    return min(_MOST_STICK_N, max(-_MOST_STICK_N, stepped_n))
+    return _STICK_STEP_N * round(force_n / _STICK_STEP_N)

@@ -76,14 +76,14 @@ class Instruments:
         self._imu_times_s: list[float] = []
         self._imu_readings: list[ImuReading] = []
         self._imu_next = 0
-        self._gps_out_of_water_s: float | None = None
+        self._gps_out_of_water_s: float | None = 0.0
         self._gps_seen_s = -math.inf
         self._gps_powered_s = 0.0
         self._gps_outage_until_s = -math.inf
 
     def power_up(self, at_s: float) -> None:
         """The board and with it the GPS receiver got power at this instant."""
-        self._gps_powered_s = at_s
+        self._gps_powered_s = self._gps_out_of_water_s = at_s
 
     def state(self, at_s: float) -> VehicleState:
         """The true state, for those who draw or judge."""
@@ -146,10 +146,10 @@ class Instruments:
         if self._gps_out_of_water_s is None:
             self._gps_out_of_water_s = at_s
         waited_s = at_s - self._gps_out_of_water_s
-        if powered_s < FIRST_FIX_S or (self._gps_out_of_water_s > FIRST_FIX_S and waited_s < FIX_AFTER_SURFACING_S):
+        again = self._gps_out_of_water_s > self._gps_powered_s
+        if powered_s < FIRST_FIX_S or (again and waited_s < FIX_AFTER_SURFACING_S):
             return GpsReading(0, min(3, int(waited_s)), 99.99, 0.0, 0.0, 0.0, 0.0, 0.0, time_known)
-        settled = powered_s > FIRST_FIX_S + _GPS_SETTLING_S and self._gps_out_of_water_s <= self._gps_powered_s
-        worse = 1.0 if settled else 1.0 + _GPS_UNSETTLED * math.exp(-waited_s / _GPS_SETTLING_S)
+        worse = 1.0 + _GPS_UNSETTLED * math.exp(-waited_s / _GPS_SETTLING_S)
         latitude_deg, longitude_deg = geodetic(self._scene, state)
         north_m, east_m, up_m = self.errors.gps_wander_m(at_s)
         north_m += errors_of.GPS_WHITE_M * noise[0]
