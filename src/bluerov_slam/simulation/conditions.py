@@ -17,8 +17,8 @@ class Conditions:
     `current_*`: velocity of the water over ground per horizontal axis, and its walk. `speed_scale_std`: how far the
     hull's speed for a given thrust is from the nominal vehicle's, ahead; half of it sideways. `compass_total_rad`: root
     sum square of the deviation coefficients A, B and C. `unmodelled_velocity`: white velocity of the water around the
-    vehicle, as position walk. `tether_share`: drag of 100 m of cable as a share of the hull's. `thruster_spread`: of the
-    thrusters' strength, one from the other. The second group is zero in the nominal family.
+    vehicle, as position walk. `tether_share`: drag of 100 m of cable as a share of the hull's. `thruster_spread`:
+    how far one thruster's strength is from the next. The second group is zero in the nominal family.
     """
 
     name: str
