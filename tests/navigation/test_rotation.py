@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bluerov_slam.navigation.rotation import (
+    cross,
     euler_from_rotation,
     exp_so3,
     left_jacobian,
@@ -88,6 +89,7 @@ def test_polynomial_of_skew_is_one():
     s = skew((x, y, z))
     np.testing.assert_allclose(polynomial_of_skew(x, y, z, 2.0, -0.5, 0.25), 2 * np.eye(3) - 0.5 * s + 0.25 * s @ s)
     np.testing.assert_allclose(s @ [1.0, 2.0, 3.0], np.cross([x, y, z], [1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(cross((x, y, z), np.array([1.0, 2.0, 3.0])), s @ [1.0, 2.0, 3.0])
 
 
 @given(directions, angles)

@@ -106,7 +106,7 @@ class DelayBuffer:
     def predict_strapdown(self, sample: ImuSample) -> list[UpdateResult]:
         """Move on to the end of the sample; what became of the measurements that waited for it."""
         force, rate = sample.specific_force_frd_mps2, sample.angular_rate_frd_radps
-        if not (sample.at_s > self.at_s and math.isfinite(float(force.sum() + rate.sum()))):
+        if not (sample.at_s > self.at_s and math.isfinite(sum(force.tolist()) + sum(rate.tolist()))):
             self.core.refused_samples += 1
             return []
         results: list[UpdateResult] = []

@@ -128,7 +128,7 @@ class ErrorStateFilter:
         What lies between the estimate and the beginning of the sample is bridged without an IMU.
         """
         force, rate = sample.specific_force_frd_mps2, sample.angular_rate_frd_radps
-        if not (sample.at_s > self.estimate.at_s and math.isfinite(float(force.sum() + rate.sum()))):
+        if not (sample.at_s > self.estimate.at_s and math.isfinite(sum(force.tolist()) + sum(rate.tolist()))):
             self.refused_samples += 1
             return False
         start_s = sample.at_s - sample.interval_s

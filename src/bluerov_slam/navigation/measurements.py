@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from bluerov_slam.navigation.ekf import Innovation
 from bluerov_slam.navigation.process import EARTH_RATE_RADPS
 from bluerov_slam.navigation.rotation import (
+    cross,
     left_jacobian_inverse,
     log_so3,
     right_jacobian_inverse,
@@ -85,7 +86,7 @@ class HorizontalVelocity:
     def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
         """z = (v + R (w x l)) north, east."""
         lever = np.asarray(self.lever_arm_frd_m, dtype=np.float64)
-        swing = estimate.rotation_ned_frd @ np.cross(_rate(self.angular_rate_frd_radps, estimate, layout), lever)
+        swing = estimate.rotation_ned_frd @ cross(_rate(self.angular_rate_frd_radps, estimate, layout), lever)
         jacobian = np.zeros((2, layout.size))
         jacobian[0, 3] = jacobian[1, 4] = 1.0
         jacobian[:, ATTITUDE] = -skew(swing)[:2]
@@ -296,7 +297,7 @@ class GroundVelocity:
         rotation_frd_ned = estimate.rotation_ned_frd.T
         lever = np.asarray(self.lever_arm_frd_m, dtype=np.float64)
         rate = _rate(self.angular_rate_frd_radps, estimate, layout)
-        body = rotation_frd_ned @ estimate.velocity_ned_mps + np.cross(rate, lever)
+        body = rotation_frd_ned @ estimate.velocity_ned_mps + cross(rate, lever)
         scale, yaw = estimate.values[layout["dvl"]].tolist() if "dvl" in layout else (0.0, 0.0)
         sine, cosine = math.sin(yaw), math.cos(yaw)
         turned = np.array(((cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)))

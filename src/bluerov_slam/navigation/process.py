@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bluerov_slam.navigation.rotation import integral_coefficients, normalised, polynomial_of_skew, skew
+from bluerov_slam.navigation.rotation import integral_coefficients, normalised, skew
 from bluerov_slam.navigation.state import ATTITUDE, POSITION, VELOCITY, NavEstimate, StateLayout
 
 Array = NDArray[np.float64]
@@ -29,6 +29,10 @@ EARTH_RATE_RADPS = 7.292115e-5
 
 MOVING = 9
 """Position, velocity, attitude: the states whose prediction is a full matrix."""
+
+
+NORMALISE_EVERY = 64
+"""Steps between two corrections of the rotation matrix."""
 
 
 class ImuSample(NamedTuple):
@@ -134,7 +138,10 @@ def normal_gravity_mps2(latitude_deg: float) -> float:
 
 
 class ProcessModel:
-    """Moves an estimate and its covariance on in time, for one layout, one place on earth and one set of noises."""
+    """Moves an estimate and its covariance on in time, for one layout, one place on earth and one set of noises.
+
+    What a step needs of 3 x 3 algebra is written out in floats and done in one product: it is called 20 times a second.
+    """
 
     def __init__(self, layout: StateLayout, noise: ProcessNoise | None = None, earth: Earth | None = None) -> None:
         self.layout = layout
@@ -143,50 +150,66 @@ class ProcessModel:
         self._gyro = layout.places.get("gyro_bias")
         self._accel = layout.places.get("accel_bias")
         self._span = MOVING + 3 * ((self._gyro is not None) + (self._accel is not None))
-        self._walks = self.noise.walks(layout)
+        self._walks = self.noise.walks(layout)[MOVING:]
         self._wanders = [(layout[name], std, time) for name, std, time in self.noise.wanders() if name in layout]
-        self._minus_earth_skew = -skew(self.earth.rate_ned_radps)
+        self._earth_rate: tuple[float, float, float] = tuple(self.earth.rate_ned_radps.tolist())
+        self._earth_turns = any(self._earth_rate)
         self._slow_for = math.nan
-        self._slow: tuple[Array, Array, Array] = (np.ones(0),) * 3
+        self._slow = _SlowChange(np.ones(0), None, np.zeros(0))
+        self._added_for = (math.nan, math.nan, math.nan)
+        self._added: Array = np.zeros((MOVING, MOVING))
+        self._template_for = math.nan
+        self._template: Array = np.zeros((MOVING, self._span))
+        self._worn = 0
 
     def strapdown(self, estimate: NavEstimate, force: Array, rate: Array, interval_s: float) -> Array:
         """Move `estimate` on under specific force and rate (3,) in FRD; returns the top rows of the transition."""
-        dt = interval_s
-        rotation = estimate.rotation_ned_frd
-        turn = rate - self.earth.rate_ned_radps @ rotation
-        if self._gyro is not None:
-            turn -= estimate.values[self._gyro]
-        turn *= dt
+        dt, values, rotation = interval_s, estimate.values, estimate.rotation_ned_frd
+        x, y, z = self._turn(estimate, rate, dt)
+        fx, fy, fz = force.tolist()
         if self._accel is not None:
-            force = force - estimate.values[self._accel]
-        x, y, z = turn.tolist()
+            bx, by, bz = values[self._accel].tolist()
+            fx, fy, fz = fx - bx, fy - by, fz - bz
+        # With S = skew(turn), once = dt (1 + c1 S + c2 S^2) and twice = dt^2 (1/2 + c2 S + c3 S^2) integrate the force.
         c0, c1, c2, c3 = integral_coefficients(x * x + y * y + z * z)
-        once = rotation @ polynomial_of_skew(x, y, z, dt, c1 * dt, c2 * dt)
-        twice = rotation @ polynomial_of_skew(x, y, z, 0.5 * dt * dt, c2 * dt * dt, c3 * dt * dt)
-        velocity_gain, position_gain = once @ force, twice @ force
+        square = dt * dt
+        step = _polynomial(x, y, z, 1.0, c0, c1)
+        once = _polynomial(x, y, z, -dt, -c1 * dt, -c2 * dt)
+        twice = _polynomial(x, y, z, -0.5 * square, -c2 * square, -c3 * square)
+        by_gyro = _by_turn(x, y, z, fx, fy, fz, dt)
+        # Columns: rotation of the step | velocity by gyro's bias | position, velocity by accelerometer's | both gained.
+        rows = [
+            (
+                *step[row],
+                *by_gyro[row],
+                *twice[row],
+                *once[row],
+                -once[row][0] * fx - once[row][1] * fy - once[row][2] * fz,
+                -twice[row][0] * fx - twice[row][1] * fy - twice[row][2] * fz,
+            )
+            for row in (0, 1, 2)
+        ]
+        turned = rotation @ np.array(rows)
+        (vx, px), (vy, py), (vz, pz) = turned[:, 12:].tolist()
 
-        top = np.zeros((MOVING, self._span))
-        top.flat[:: self._span + 1] = 1.0
-        top[0, 3] = top[1, 4] = top[2, 5] = dt
-        top[POSITION, ATTITUDE] = skew(-position_gain)
-        top[VELOCITY, ATTITUDE] = skew(-velocity_gain)
-        top[ATTITUDE, ATTITUDE] += dt * self._minus_earth_skew
+        top = self._start_of_top(dt)
+        top[0, 7], top[0, 8], top[1, 6], top[1, 8], top[2, 6], top[2, 7] = pz, -py, -pz, px, py, -px
+        top[3, 7], top[3, 8], top[4, 6], top[4, 8], top[5, 6], top[5, 7] = vz, -vy, -vz, vx, vy, -vx
         if self._gyro is not None:
-            force_skew = skew(force)
-            second = skew(turn) @ force_skew + skew(_cross(turn, force))
-            top[POSITION, self._gyro] = rotation @ ((dt**3 / 6.0) * force_skew + (dt**3 / 24.0) * second)
-            top[VELOCITY, self._gyro] = rotation @ ((dt * dt / 2.0) * force_skew + (dt * dt / 6.0) * second)
-            top[ATTITUDE, self._gyro] = -once
+            top[VELOCITY, self._gyro] = turned[:, 3:6]
+            top[POSITION, self._gyro] = (dt / 3.0) * turned[:, 3:6]
+            top[ATTITUDE, self._gyro] = turned[:, 9:12]
         if self._accel is not None:
-            top[POSITION, self._accel] = -twice
-            top[VELOCITY, self._accel] = -once
+            top[POSITION, self._accel] = turned[:, 6:9]
+            top[VELOCITY, self._accel] = turned[:, 9:12]
 
-        values, gravity = estimate.values, self.earth.gravity_mps2
-        values[POSITION] += dt * values[VELOCITY] + position_gain
-        values[VELOCITY] += velocity_gain
-        values[2] += 0.5 * gravity * dt * dt
-        values[5] += gravity * dt
-        estimate.rotation_ned_frd = normalised(rotation @ polynomial_of_skew(x, y, z, 1.0, c0, c1))
+        gained = self.earth.gravity_mps2 * dt
+        north, east, down, vn, ve, vd = values[:6].tolist()
+        values[:6] = (
+            north + dt * vn + px, east + dt * ve + py, down + dt * vd + pz + 0.5 * gained * dt,
+            vn + vx, ve + vy, vd + vz + gained,
+        )  # fmt: skip
+        self._set_rotation(estimate, turned[:, :3])
         self._end(estimate, dt)
         return top
 
@@ -210,50 +233,120 @@ class ProcessModel:
 
         The walks default to the IMU's noise. White noise on the velocity reaches the position inside the step, too.
         """
-        noise, dt = self.noise, interval_s
+        noise = self.noise
         velocity = velocity_walk_mps_per_sqrt_s
         attitude = attitude_walk_rad_per_sqrt_s
         velocity = noise.accel_noise_mps_per_sqrt_s if velocity is None else velocity
         attitude = noise.gyro_noise_rad_per_sqrt_s if attitude is None else attitude
-        decay, decay_outer, added = self._slow_change(dt)
+        slow = self._slow_change(interval_s)
         span = top.shape[1]
         rows = top @ covariance[:span]
         corner = rows[:, :span] @ top.T
-        covariance[MOVING:, MOVING:] *= decay_outer
-        cross = rows[:, MOVING:] * decay
+        corner += self._moving_noise(interval_s, velocity, attitude)
+        cross = rows[:, MOVING:]
+        if slow.outer is not None:
+            covariance[MOVING:, MOVING:] *= slow.outer
+            cross = cross * slow.decay
         covariance[:MOVING, MOVING:] = cross
         covariance[MOVING:, :MOVING] = cross.T
-        covariance[:MOVING, :MOVING] = 0.5 * (corner + corner.T)
-        diagonal = covariance.reshape(-1)[:: self.layout.size + 1]
-        diagonal[MOVING:] += added
-        rate = velocity * velocity
-        diagonal[POSITION] += rate * dt**3 / 3.0
-        diagonal[VELOCITY] += rate * dt
-        diagonal[ATTITUDE] += attitude * attitude * dt
-        both = 0.5 * rate * dt * dt
-        for axis in range(3):
-            covariance[axis, axis + 3] += both
-            covariance[axis + 3, axis] += both
-        return decay
+        np.add(corner, corner.T, out=covariance[:MOVING, :MOVING])
+        covariance[:MOVING, :MOVING] *= 0.5
+        covariance.reshape(-1)[MOVING * (self.layout.size + 1) :: self.layout.size + 1] += slow.added
+        return slow.decay
+
+    def _turn(self, estimate: NavEstimate, rate: Array, dt: float) -> tuple[float, float, float]:
+        """Rotation vector of the body against NED in this step."""
+        x, y, z = rate.tolist()
+        if self._gyro is not None:
+            bx, by, bz = estimate.values[self._gyro].tolist()
+            x, y, z = x - bx, y - by, z - bz
+        if self._earth_turns:
+            ex, ey, ez = (self.earth.rate_ned_radps @ estimate.rotation_ned_frd).tolist()
+            x, y, z = x - ex, y - ey, z - ez
+        return x * dt, y * dt, z * dt
+
+    def _start_of_top(self, dt: float) -> Array:
+        """What of the transition depends on the step's length alone."""
+        if dt != self._template_for:
+            template = np.eye(MOVING, self._span)
+            template[0, 3] = template[1, 4] = template[2, 5] = dt
+            template[ATTITUDE, ATTITUDE] -= dt * skew(self._earth_rate)
+            self._template_for, self._template = dt, template
+        return self._template.copy()
+
+    def _set_rotation(self, estimate: NavEstimate, rotation: Array) -> None:
+        """Each product adds some 1e-16 of rounding: taken out again now and then."""
+        self._worn += 1
+        if self._worn >= NORMALISE_EVERY:
+            self._worn = 0
+            rotation = normalised(rotation)
+        estimate.rotation_ned_frd = rotation.copy() if rotation.base is not None else rotation
 
     def _end(self, estimate: NavEstimate, dt: float) -> None:
         estimate.at_s += dt
-        estimate.values[MOVING:] *= self._slow_change(dt)[0]
+        slow = self._slow_change(dt)
+        if slow.outer is not None:
+            estimate.values[MOVING:] *= slow.decay
 
-    def _slow_change(self, dt: float) -> tuple[Array, Array, Array]:
-        """Decay (n - 9,), its outer product, and the variance added to the states behind the attitude."""
+    def _moving_noise(self, dt: float, velocity: float, attitude: float) -> Array:
+        """Covariance (9, 9) that a step adds to position, velocity and attitude."""
+        if (dt, velocity, attitude) != self._added_for:
+            added = np.zeros((MOVING, MOVING))
+            rate, unit = velocity * velocity, np.eye(3)
+            added[POSITION, POSITION] = rate * dt**3 / 3.0 * unit
+            added[POSITION, VELOCITY] = added[VELOCITY, POSITION] = 0.5 * rate * dt * dt * unit
+            added[VELOCITY, VELOCITY] = rate * dt * unit
+            added[ATTITUDE, ATTITUDE] = attitude * attitude * dt * unit
+            self._added_for, self._added = (dt, velocity, attitude), added
+        return self._added
+
+    def _slow_change(self, dt: float) -> _SlowChange:
         if dt != self._slow_for:
-            decay = np.ones(self.layout.size)
-            added = self._walks * dt
+            decay, added = np.ones(self.layout.size - MOVING), self._walks * dt
             for place, std, time_s in self._wanders:
-                decay[place] = math.exp(-dt / time_s)
-                added[place] = -std * std * math.expm1(-2.0 * dt / time_s)
-            decay = decay[MOVING:]
-            self._slow_for, self._slow = dt, (decay, np.outer(decay, decay), added[MOVING:])
+                here = slice(place.start - MOVING, place.stop - MOVING)
+                decay[here] = math.exp(-dt / time_s)
+                added[here] = -std * std * math.expm1(-2.0 * dt / time_s)
+            outer = np.outer(decay, decay) if self._wanders else None
+            self._slow_for, self._slow = dt, _SlowChange(decay, outer, added)
         return self._slow
 
 
-def _cross(a: Array, b: Array) -> Array:
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+class _SlowChange(NamedTuple):
+    """What a step does to the states behind the attitude: decay, its outer product (None: 1), variance added."""
+
+    decay: Array
+    outer: Array | None
+    added: Array
+
+
+Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+
+def _polynomial(x: float, y: float, z: float, c0: float, c1: float, c2: float) -> Rows:
+    """Rows of c0 + c1 S + c2 S^2 for S = skew((x, y, z))."""
+    xx, yy, zz = c2 * x * x, c2 * y * y, c2 * z * z
+    xy, xz, yz = c2 * x * y, c2 * x * z, c2 * y * z
+    sx, sy, sz = c1 * x, c1 * y, c1 * z
+    return (
+        (c0 - yy - zz, xy - sz, xz + sy),
+        (xy + sz, c0 - xx - zz, yz - sx),
+        (xz - sy, yz + sx, c0 - xx - yy),
+    )
+
+
+def _by_turn(x: float, y: float, z: float, fx: float, fy: float, fz: float, dt: float) -> Rows:
+    """Change of the gained velocity (in the body at the step's start) per change of the gyro's bias.
+
+    The turn t is -dt times the bias's change. The integral of the force f, dt (f + t x f / 2 + t x (t x f) / 6), has
+    the derivative -dt ([f] / 2 + T / 6) by t with T = [t] [f] + [t x f] = 2 f t' - t f' - (t . f) 1. The position's is
+    dt / 3 of it but for a quarter of T's part, a micrometre.
+    """
+    a, b = dt * dt / 2.0, dt * dt / 6.0
+    x, y, z = b * x, b * y, b * z
+    dot = x * fx + y * fy + z * fz
+    return (
+        (fx * x - dot, 2.0 * fx * y - x * fy - a * fz, 2.0 * fx * z - x * fz + a * fy),
+        (2.0 * fy * x - y * fx + a * fz, fy * y - dot, 2.0 * fy * z - y * fz - a * fx),
+        (2.0 * fz * x - z * fx - a * fy, 2.0 * fz * y - z * fy + a * fx, fz * z - dot),
+    )
