@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from bluerov_slam.navigation.attitude.ekf_attitude import EkfAttitude
 from bluerov_slam.navigation.attitude.filter import AttitudeFilter
 from bluerov_slam.navigation.attitude.madgwick import (
     Madgwick,
@@ -26,6 +27,7 @@ from bluerov_slam.navigation.attitude.quaternion import (
     rotate,
     to_euler,
 )
+from bluerov_slam.navigation.process import ProcessNoise
 from inertial_samples import FIELD_NED, Samples, samples_of, wobble
 
 LEVEL_FORCE = (0.0, 0.0, -9.81)
@@ -90,6 +92,18 @@ def test_mahony_is_the_public_implementation_to_the_last_digits() -> None:
         ours.update(rate, force, field, samples.interval_s)
         assert ours.quaternion_ned_frd == pytest.approx(np.asarray(q), abs=1e-10)
     assert ours.gyro_bias_frd_radps == pytest.approx(public.b, abs=1e-10)
+
+
+def test_the_error_state_filter_follows_and_learns_the_bias_within_its_stated_error() -> None:
+    bias = (math.radians(0.3), math.radians(-0.2), math.radians(0.4))
+    ekf = EkfAttitude(noise=ProcessNoise(gyro_noise_rad_per_sqrt_s=0.01 / math.sqrt(50.0)))
+    ekf.initialise(from_euler(0.05, -0.05, 0.2))
+    errors = run(ekf, noisy(samples_of(wobble, 120.0, rate_hz=50.0), seed=12), bias)
+    assert max(errors[-2000:]) < math.radians(1.5)
+    assert ekf.gyro_bias_frd_radps == pytest.approx(bias, abs=math.radians(0.08))
+    stated = math.sqrt(sum(std * std for std in ekf.std_ned_rad))
+    assert float(np.sqrt(np.mean(np.square(errors[-2000:])))) < 2.0 * stated
+    assert stated < math.radians(1.0)
 
 
 def test_the_step_is_the_gradient_of_what_it_claims_to_minimise() -> None:
@@ -179,7 +193,9 @@ def test_a_field_that_is_not_one_leaves_gravity_at_work(attitude: AttitudeFilter
 
 
 @pytest.mark.parametrize(
-    "attitude", [Madgwick(), ThesisMadgwick(), Mahony(), OwnAngles()], ids=["madgwick", "thesis", "mahony", "own"]
+    "attitude",
+    [Madgwick(), ThesisMadgwick(), Mahony(), OwnAngles(), EkfAttitude()],
+    ids=["madgwick", "thesis", "mahony", "own", "ekf"],
 )
 @pytest.mark.parametrize(
     ("rate", "interval_s"),

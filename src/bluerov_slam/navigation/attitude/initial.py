@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.navigation.attitude.quaternion import Quaternion, multiply
+from bluerov_slam.navigation.attitude.quaternion import Quaternion, from_euler, multiply
+from bluerov_slam.navigation.rotation import quaternion_from_rotation
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 # More than this off one g on average: the vehicle is being thrown about, or the accelerometer is not one.
@@ -65,11 +66,10 @@ def initial_attitude(
             east = np.cross(down, field) / horizontal
             half = 0.5 * declination_rad
             to_true = (math.cos(half), 0.0, 0.0, math.sin(half))
-            attitude = multiply(to_true, _quaternion(np.stack([np.cross(east, down), east, down])))
+            attitude = multiply(to_true, quaternion_from_rotation(np.stack([np.cross(east, down), east, down])))
             return InitialAttitude(attitude, tilt_std_rad, heading_std_rad)
     roll, pitch = math.atan2(down[1], down[2]), math.asin(max(-1.0, min(1.0, -float(down[0]))))
-    cr, sr, cp, sp = (math.cos(0.5 * roll), math.sin(0.5 * roll), math.cos(0.5 * pitch), math.sin(0.5 * pitch))
-    return InitialAttitude((cr * cp, sr * cp, cr * sp, -sr * sp), tilt_std_rad, None)
+    return InitialAttitude(from_euler(roll, pitch, 0.0), tilt_std_rad, None)
 
 
 def quest(
@@ -107,28 +107,3 @@ def _mean_field(magnetic_field: NDArray[np.float64] | None) -> NDArray[np.float6
     length = float(np.linalg.norm(mean))
     unit: NDArray[np.float64] | None = mean / length if length > 0.0 else None
     return unit
-
-
-def _quaternion(rows_ned: NDArray[np.float64]) -> Quaternion:
-    """Quaternion of a rotation matrix given by its rows, without loss of digits at any angle."""
-    r = rows_ned
-    squares = 1.0 + np.array(
-        [
-            r[0, 0] + r[1, 1] + r[2, 2],
-            r[0, 0] - r[1, 1] - r[2, 2],
-            r[1, 1] - r[0, 0] - r[2, 2],
-            r[2, 2] - r[0, 0] - r[1, 1],
-        ]
-    )
-    columns = np.array(
-        [
-            [squares[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], squares[1], r[1, 0] + r[0, 1], r[0, 2] + r[2, 0]],
-            [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], squares[2], r[2, 1] + r[1, 2]],
-            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[2, 1] + r[1, 2], squares[3]],
-        ]
-    )
-    q = columns[int(np.argmax(squares))]
-    q = q / np.linalg.norm(q) * math.copysign(1.0, q[0])
-    w, x, y, z = (float(value) for value in q)
-    return w, x, y, z
