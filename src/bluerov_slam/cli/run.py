@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import sys
 import tempfile
 from pathlib import Path
@@ -25,6 +26,11 @@ from bluerov_slam.services.supervisor import ChildSpec, Supervisor, stop_signals
     type=click.Choice(FIRMWARES),
     help="Simulate with the native firmware core or the Python reference [default: auto, native if it is built].",
 )
+@click.option(
+    "--autopilot/--no-autopilot",
+    default=None,
+    help="Simulate the vehicle's MAVLink, too, on loopback [default: yes, unless mavlink.enabled or --xtf].",
+)
 @click.option("--fault", "faults", multiple=True, help="Simulate a fault, for example 'at=10 kind=reset'; repeatable.")
 def command(
     config: Path | None,
@@ -34,11 +40,12 @@ def command(
     scenario: str | None,
     xtf: Path | None,
     firmware: str | None,
+    autopilot: bool | None,
     faults: tuple[str, ...],
 ) -> None:
     """Run extension and viewer, and with --simulate the virtual ESP32; Ctrl-C stops them all."""
-    if not simulate and (scenario or xtf or firmware or faults):
-        raise click.UsageError("--scenario, --xtf, --firmware and --fault need --simulate")
+    if not simulate and (scenario or xtf or firmware or autopilot or faults):
+        raise click.UsageError("--scenario, --xtf, --firmware, --autopilot and --fault need --simulate")
     start_logging(log_level)
     settings = SettingsStore.open(config, parse_flags(flags)).settings
     common = [*(["--config", str(config)] if config else []), *_repeated("--set", flags), "--log-level", log_level]
@@ -49,8 +56,14 @@ def command(
             extra = ["--scenario", scenario or settings.simulation.scenario, *_repeated("--fault", faults)]
             extra += ["--xtf", str(xtf)] if xtf else []
             extra += ["--firmware", firmware or "auto"]
+            listen = ["--simulated"]
+            # A real vehicle's MAVLink may come in where that is switched on: two vehicles at once would be nonsense.
+            if autopilot or (autopilot is None and xtf is None and not settings.mavlink.enabled):
+                address = f"127.0.0.1:{_free_udp_port()}"
+                extra += ["--autopilot", address]
+                listen += ["--simulated-autopilot", address]
             children.insert(0, _simulator(settings, port, extra))
-            children.append(_child("extension", *common, "--simulated", "--set", f"serial.port={port}"))
+            children.append(_child("extension", *common, *listen, "--set", f"serial.port={port}"))
         else:
             children.append(_child("extension", *common))
         _announce(settings, simulate)
@@ -70,6 +83,12 @@ def _child(name: str, *arguments: str) -> ChildSpec:
 def _simulator(settings: Settings, port: Path, extra: list[str]) -> ChildSpec:
     baud, seed = str(settings.serial.baud), str(settings.simulation.seed)
     return _child("simulate", "--link", str(port), "--baud", baud, "--seed", seed, *extra)
+
+
+def _free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def _repeated(option: str, values: tuple[str, ...]) -> list[str]:

@@ -18,16 +18,19 @@ import click
 from bluerov_slam.cli.firmware_choice import choose_board
 from bluerov_slam.cli.service_options import FIRMWARES
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.services.autopilot_player import AutopilotPlayer
 from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS, Scenario, scenario_from_mapping
-from bluerov_slam.simulation.scene import RecordedScene, Scene, SimulatedScene
+from bluerov_slam.simulation.scene import FlownScene, RecordedScene, Scene, SimulatedScene
+from bluerov_slam.simulation.virtual_autopilot import VirtualAutopilot
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
 from bluerov_slam.sources.vehicle_log import read_vehicle_log
 from bluerov_slam.sources.xtf import read_xtf
 
 XTF_SAMPLES = 1000
+Part = Simulator | VehicleLogPlayer | AutopilotPlayer
 
 
 def default_link() -> Path:
@@ -66,6 +69,9 @@ def default_link() -> Path:
     help="Where the log is played: the vehicle's endpoint to which the extension sends.",
 )
 @click.option("--tlog-only", is_flag=True, help="Play the vehicle's log without the virtual ESP32.")
+@click.option(
+    "--autopilot", help="HOST:PORT at which the vehicle's autopilot speaks MAVLink, for example 127.0.0.1:14402."
+)
 @click.option("--duration", type=click.FloatRange(min=0.0, min_open=True), help="Stop after so many seconds.")
 def command(
     baud: str,
@@ -81,6 +87,7 @@ def command(
     tlog: Path | None,
     tlog_target: str,
     tlog_only: bool,
+    autopilot: str | None,
     duration: float | None,
 ) -> None:
     """Simulate the ESP32 with all its sensors on a pseudo-terminal, in real time."""
@@ -90,12 +97,18 @@ def command(
         return
     if tlog_only and tlog is None:
         raise ConfigError("--tlog-only needs --tlog FILE")
-    parts: list[Simulator | VehicleLogPlayer] = []
+    if autopilot is not None and (xtf or tlog or tlog_only):
+        raise ConfigError("--autopilot flies the simulated dive: it goes neither with --xtf nor with --tlog")
+    parts: list[Part] = []
     if not tlog_only:
         scenario = load_scenario(scenario_name, seed=seed, legacy=legacy, faults=faults)
-        parts.append(make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf, firmware))
+        simulator = make_simulator(scenario, int(baud), link or default_link(), device_folder, xtf, firmware)
+        parts.append(simulator)
+        if autopilot is not None:
+            parts.append(make_autopilot(simulator.board, _address("--autopilot", autopilot)))
     if tlog is not None:
-        parts.append(VehicleLogPlayer(read_vehicle_log(tlog), _address(tlog_target), on_event=_say))
+        target = _address("--tlog-target", tlog_target)
+        parts.append(VehicleLogPlayer(read_vehicle_log(tlog), target, on_event=_say))
     asyncio.run(_run_all(parts, duration))
 
 
@@ -150,7 +163,22 @@ def make_simulator(
     return Simulator(esp32, link, device_folder, on_event=_say, loop_length_s=loop_length_s)
 
 
-async def _run_all(parts: list[Simulator | VehicleLogPlayer], duration_s: float | None) -> None:
+def make_autopilot(board: VirtualEsp32, address: tuple[str, int]) -> AutopilotPlayer:
+    """The autopilot of the vehicle that this board is on."""
+    scene, scenario = board.scene, board.scenario
+    assert isinstance(scene, FlownScene)
+    autopilot = VirtualAutopilot(
+        scene.truth,
+        board.instruments.errors,
+        scenario.seed,
+        mission_start_s=scenario.mission_start_s,
+        water=scenario.water,
+        dvl=scenario.dvl,
+    )
+    return AutopilotPlayer(autopilot, lambda: board.now_s, address, on_event=_say)
+
+
+async def _run_all(parts: list[Part], duration_s: float | None) -> None:
     """Run until one fails, a signal comes or the time is up."""
     loop = asyncio.get_running_loop()
     running = [asyncio.create_task(part.run()) for part in parts]
@@ -190,10 +218,10 @@ def _checked_seed(seed: int) -> int:
     return scenario_from_mapping({"seed": seed}).seed
 
 
-def _address(text: str) -> tuple[str, int]:
+def _address(option: str, text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or not port.isdigit() or not 0 <= int(port) <= 65535:
-        raise ConfigError(f"--tlog-target '{text}': expected HOST:PORT, for example 127.0.0.1:14401")
+        raise ConfigError(f"{option} '{text}': expected HOST:PORT, for example 127.0.0.1:14401")
     return host, int(port)
 
 

@@ -72,6 +72,7 @@ class Extension:
         wall: WallClock | None = None,
         wall_time: Callable[[], float] = time.time,
         simulated: bool = False,
+        simulated_autopilot: str | None = None,
         navigator: str = NAVIGATOR,
     ) -> None:
         settings = store.settings
@@ -101,6 +102,10 @@ class Extension:
         self.hub.subscribe(self.udp.take, SonarFrames, name="UDP forwarding")
         self.mavlink = MavlinkBridge(mavlink_options(settings), self.hub.publish, source.now_s)
         self.hub.subscribe(self.mavlink.on_record, SensorSample, CtdSample, GpsFix, ImuBurst, name="MAVLink bridge")
+        self._simulated_autopilot: MavlinkBridge | None = None
+        if simulated_autopilot is not None:
+            options = listening_options(simulated_autopilot)
+            self._simulated_autopilot = MavlinkBridge(options, self.hub.publish, source.now_s)
         self.events = EventLog(self.hub, self.topics, self.wall.unix_s)
         self.system_events = SystemEvents(self.hub, self.link, self.wall, self._observed_wall_time)
         self.vehicle = NavigationVehicle(
@@ -153,6 +158,7 @@ class Extension:
                 self.recorder.start()
             self._aim_forwarding()
             await self.mavlink.start()
+            await self._hear_simulated_autopilot(settings_enabled=self.store.settings.mavlink.enabled)
         except BaseException:
             await self.stop()
             raise
@@ -175,10 +181,19 @@ class Extension:
             self.viewer_link.close(),
             self.udp.stop(),
             self.mavlink.stop(),
+            self._simulated_autopilot.stop() if self._simulated_autopilot is not None else asyncio.sleep(0),
             self.navigation.process.stop(),
             asyncio.to_thread(self.recorder.stop) if self.recorder is not None else asyncio.sleep(0),
         )
         await asyncio.gather(self.http.stop(), self.sensor_http.stop())
+
+    async def _hear_simulated_autopilot(self, *, settings_enabled: bool) -> None:
+        """Only while no other vehicle can be heard."""
+        bridge = self._simulated_autopilot
+        if bridge is not None:
+            await bridge.stop()
+            if not settings_enabled:
+                await bridge.start()
 
     def tell(self, level: EventLevel, text: str) -> None:
         """Publish an event for the user."""
@@ -205,6 +220,7 @@ class Extension:
             self._aim_forwarding()
         if "mavlink" in groups:
             await self.mavlink.apply(mavlink_options(settings))
+            await self._hear_simulated_autopilot(settings_enabled=settings.mavlink.enabled)
         if "navigation" in groups:
             await self._apply_navigation(changed)
         if self.recorder is not None and "recording" in groups:
@@ -362,6 +378,21 @@ def recording_limits(settings: Settings) -> RecordingLimits:
         max_file_bytes=recording.max_file_mb * _MEGABYTE,
         max_file_s=recording.max_file_minutes * 60.0,
         min_free_bytes=recording.min_free_mb * _MEGABYTE,
+    )
+
+
+def listening_options(address: str) -> MavlinkOptions:
+    """A simulator's autopilot is told that somebody listens, and nothing else."""
+    host, _, port = address.rpartition(":")
+    return MavlinkOptions(
+        enabled=True,
+        target_host=host,
+        target_port=int(port),
+        send_attitude=False,
+        send_scaled_pressure=False,
+        send_gps_raw_int=False,
+        send_named_values=False,
+        send_status_text=False,
     )
 
 

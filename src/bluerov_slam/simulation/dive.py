@@ -183,7 +183,7 @@ class SimulatedDive:
         truth, scenario = self.truth, _scenario(self.plan, self.seed)
         instruments = Instruments(scenario, truth.scene, truth.errors)
         esp32 = VirtualEsp32(scenario, scene=truth.scene, board=self._board, instruments=instruments)
-        autopilot = VirtualAutopilot(truth.rows, truth.errors, self.seed, dvl=self.plan.dvl)
+        autopilot = VirtualAutopilot(truth.rows, truth.errors, self.seed, water=self.plan.water, dvl=self.plan.dvl)
         decoder = mavlink.MAVLink(None)
         try:
             for number in range(1, math.floor(truth.end_s / READ_S) + 1):

@@ -18,8 +18,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from bluerov_slam.simulation import flight as columns
 from bluerov_slam.simulation.instrument_errors import InstrumentErrors
 from bluerov_slam.simulation.truth import Motion, TruthRows
+from bluerov_slam.simulation.water import WaterProfile
 
-AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT, DVL_COMPONENT = 1, 1, 197
+AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT = 1, 1
+DVL_SYSTEM, DVL_COMPONENT = 255, 0  # as BlueOS's driver speaks
 DVL_INTERVAL_S = 0.2
 DVL_NOISE_MPS = 0.010
 DVL_SCALE_STD, DVL_MOUNTING_STD_RAD = 0.003, math.radians(0.5)
@@ -30,6 +32,7 @@ _CLOCK_PPM = 30.0
 _BOOTED_BEFORE_S = 95.0
 _DVL_LATENCY_S = 0.08
 _DVL_GAP_EVERY_S, _DVL_GAP_S = 150.0, 3.0
+_PRESSURE_OFFSET_PA, _PRESSURE_NOISE_PA = 1000.0, 20.0
 _TILT_RAD = math.radians(0.4)
 _RATE_NOISE_RADPS = math.radians(0.06)
 _BLOCK_S = 10.0
@@ -56,6 +59,7 @@ class VirtualAutopilot:
         seed: int,
         *,
         mission_start_s: float = 0.0,
+        water: WaterProfile | None = None,
         dvl: bool = False,
         altitude_m: Callable[[float, float, float], float] | None = None,
     ) -> None:
@@ -64,10 +68,12 @@ class VirtualAutopilot:
         self._rng = np.random.default_rng([seed, 0xA0])
         self._mission_start_s = mission_start_s
         self.dvl_errors = DvlErrors(seed)
+        self._water = water or WaterProfile()
+        self._pressure_offset_pa = _PRESSURE_OFFSET_PA * float(self._rng.standard_normal())
         self._dvl = dvl
         self._altitude_m = altitude_m
         self._mav = mavlink.MAVLink(None, srcSystem=AUTOPILOT_SYSTEM, srcComponent=AUTOPILOT_COMPONENT)
-        self._dvl_mav = mavlink.MAVLink(None, srcSystem=AUTOPILOT_SYSTEM, srcComponent=DVL_COMPONENT)
+        self._dvl_mav = mavlink.MAVLink(None, srcSystem=DVL_SYSTEM, srcComponent=DVL_COMPONENT)
         self._tilt_bias = _TILT_RAD * self._rng.standard_normal(2)
         self._yaw_bias = errors.deviation.a_rad * 0.5 + math.radians(1.5) * float(self._rng.standard_normal())
         self._waiting: list[tuple[float, int, bytes]] = []
@@ -141,7 +147,14 @@ class VirtualAutopilot:
             mavlink.MAV_STATE_ACTIVE,
             3,
         )
-        for message in (battery, heartbeat):
+        column_m = float(before[2] + before[columns.SURFACE])
+        pressure_pa = self._water.pressure_pa(column_m) + self._pressure_offset_pa
+        pressure_pa += _PRESSURE_NOISE_PA * float(self._rng.standard_normal())
+        temperature_cdegc = round(100.0 * self._water.temperature_degc(column_m))
+        pressure = mavlink.MAVLink_scaled_pressure2_message(
+            self._boot_ms(at_s), pressure_pa / 100.0, 0.0, temperature_cdegc
+        )
+        for message in (battery, heartbeat, pressure):
             self._send(self._mav, message, at_s + _LATENCY_S)
 
     def _motion_deltas(self, edges_s: FloatArray) -> None:
