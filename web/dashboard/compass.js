@@ -1,6 +1,7 @@
 // @ts-check
 // Compass card: turns under a fixed lubber line; the number stands in its middle as text.
 
+import { isKnown } from '../shared/format.js';
 import { Instrument } from './instrument.js';
 import { wake } from './ticker.js';
 
@@ -12,6 +13,23 @@ export class Compass extends Instrument {
   constructor(canvas) {
     super(canvas, ['--line', '--dim', '--text', '--accent', '--fault', '--sunken']);
     this.heading = this.follow(true, 0.05);
+    /** @type {number | null} the navigator's true heading, with two standard deviations to each side */
+    this.estimateDeg = null;
+    this.spreadDeg = 0;
+  }
+
+  /**
+   * @param {number | null} headingDeg
+   * @param {number | null} stdDeg
+   */
+  showEstimate(headingDeg, stdDeg) {
+    const known = isKnown(headingDeg) && isKnown(stdDeg);
+    const estimate = known ? headingDeg : null;
+    const spread = known ? Math.min(180, 2 * stdDeg) : 0;
+    if (estimate === this.estimateDeg && spread === this.spreadDeg) return;
+    this.estimateDeg = estimate;
+    this.spreadDeg = spread;
+    wake(this);
   }
 
   /** @param {number | null} headingDeg */
@@ -35,12 +53,33 @@ export class Compass extends Instrument {
     c.arc(0, 0, radius, 0, 2 * Math.PI);
     c.fill();
     c.stroke();
+    if (known && this.estimateDeg !== null) this.drawSector(radius, accent);
     if (known) this.drawCard(radius, dim, text, fault);
     c.fillStyle = known ? accent : line;
     c.beginPath();
     c.moveTo(0, -radius + 12 * this.scale);
     c.lineTo(-7 * this.scale, -radius - 1);
     c.lineTo(7 * this.scale, -radius - 1);
+    c.closePath();
+    c.fill();
+    c.restore();
+  }
+
+  /**
+   * Where the true heading lies with 95 % probability, on the card.
+   * @param {number} radius
+   * @param {string} color
+   */
+  drawSector(radius, color) {
+    const c = this.context;
+    const middle = ((this.estimateDeg ?? 0) - this.heading.shown - 90) * DEG;
+    const half = Math.max(this.spreadDeg, 0.75) * DEG;
+    c.save();
+    c.globalAlpha = 0.45;
+    c.fillStyle = color;
+    c.beginPath();
+    c.arc(0, 0, radius, middle - half, middle + half);
+    c.arc(0, 0, radius * 0.62, middle + half, middle - half, true);
     c.closePath();
     c.fill();
     c.restore();

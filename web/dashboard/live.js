@@ -25,9 +25,11 @@ import {
   sonarTable,
   statusCells,
 } from './live_layout.js';
+import { MapCard } from './map_card.js';
 import { STALE_S, ageS } from './model.js';
+import { NavigationCard } from './navigation_card.js';
 import { ProfilePlot } from './profile_plot.js';
-import { QUANTITIES, TimePlots } from './time_plots.js';
+import { MOTION, QUANTITIES, TimePlots } from './time_plots.js';
 import { ValueCell } from './value_cell.js';
 
 /** @typedef {import('./model.js').Model} Model */
@@ -49,13 +51,18 @@ export class LivePage {
     this.cells = [new ValueCell('roll', (v) => degrees(v)), new ValueCell('pitch', (v) => degrees(v))];
     this.buildInstruments();
     this.buildPanels();
-    this.plots = new TimePlots(this.cards.plots, this.history, model);
+    this.plots = new TimePlots(this.cards.plots, this.history, model, QUANTITIES);
+    this.motionHistory = new History(MOTION.map((quantity) => quantity.key));
+    this.motion = new TimePlots(this.cards.motion, this.motionHistory, model, MOTION);
+    this.map = new MapCard(this.cards.map, model, (track) => this.fillMotion(track));
+    this.navigation = new NavigationCard(this.cards.navigation);
     this.profilePlot = new ProfilePlot(this.cards.profile, this.profile);
-    const { attitude, heading, depth, plots, profile, ctd, gps, sonars, link } = this.cards;
+    const { attitude, heading, depth, map, motion, navigation, plots, profile, ctd, gps, sonars, link } =
+      this.cards;
     root.append(
       make('div', { class: 'live-left' }, depth.root, attitude.root, heading.root),
-      make('div', { class: 'live-centre' }, plots.root, profile.root),
-      make('div', { class: 'live-right' }, ctd.root, gps.root, sonars.root, link.root),
+      make('div', { class: 'live-centre' }, map.root, motion.root, plots.root, profile.root),
+      make('div', { class: 'live-right' }, navigation.root, ctd.root, gps.root, sonars.root, link.root),
     );
   }
 
@@ -158,6 +165,32 @@ export class LivePage {
     this.refresh(nowMs);
   }
 
+  /** @param {number} nowMs */
+  onNavigation(nowMs) {
+    const state = this.model.navigation;
+    if (!state) return;
+    const { speed_mps: speed } = state.velocity ?? {};
+    const radius = state.ellipse?.major_m;
+    this.motionHistory.append(nowMs / 1000, [isKnown(speed) ? speed : null, isKnown(radius) ? radius : null]);
+    this.map.onNavigation(nowMs);
+    this.navigation.show(state);
+    this.compass?.showEstimate(state.attitude?.heading_deg ?? null, state.std?.heading_deg ?? null);
+  }
+
+  /**
+   * Speed and uncertainty of before this page was opened.
+   * @param {import('./track.js').Track} track
+   */
+  fillMotion(track) {
+    /** @type {Array<[number, (number | null)[]]>} */
+    const rows = [];
+    const offsetS = this.model.unixAt(0);
+    const known = (/** @type {number} */ value) => (Number.isNaN(value) ? null : value);
+    for (let i = 0; i < track.length; i += 1)
+      rows.push([track.timeS[i] - offsetS, [known(track.speedMps[i]), known(track.majorM[i])]]);
+    this.motionHistory.prepend(rows);
+  }
+
   showTexts() {
     const { model, heading, point, depth, rateNumber, rateWord, deepest, fix } = this;
     if (!heading || !point || !depth || !rateNumber || !rateWord || !deepest || !fix) return;
@@ -222,6 +255,11 @@ export class LivePage {
     all.depth.update(model.status, since('depth'));
     all.ctd.update(model.status, since('temperature') ?? since('conductivity'));
     all.gps.update(model.status, since('satellites'));
+    const estimate = ageS(model.navigationAtMs, nowMs);
+    for (const card of [all.map, all.motion, all.navigation]) card.update(model.status, estimate);
+    this.motion.setStale(estimate !== null && estimate > STALE_S);
+    if (estimate !== null && estimate > STALE_S) this.compass?.showEstimate(null, null);
+    this.map.refresh(nowMs);
     all.plots.update(model.status, sensors);
     this.plots.setStale(sensors !== null && sensors > STALE_S);
     all.profile.update(model.status, sensors);
@@ -249,7 +287,9 @@ export class LivePage {
 
   /** The tab was chosen: what was hidden has a size now. */
   show() {
+    this.map.show();
     this.plots.fit();
+    this.motion.fit();
     this.profilePlot.fit();
     this.draw(performance.now());
   }
@@ -257,6 +297,7 @@ export class LivePage {
   /** @param {number} nowMs */
   draw(nowMs) {
     this.plots.draw(nowMs / 1000);
+    this.motion.draw(nowMs / 1000);
     this.profilePlot.draw();
   }
 }

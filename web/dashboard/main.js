@@ -62,6 +62,7 @@ function onMessage(text) {
   const changed = model.receive(text, nowMs);
   if (changed === 'sensors') live.onSensors(nowMs);
   else if (changed === 'status') onStatus();
+  else if (changed === 'navigation') live.onNavigation(nowMs);
   else if (changed === 'event') health.onEvents();
 }
 

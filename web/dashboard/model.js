@@ -29,6 +29,9 @@ export class Model {
     /** @type {Record<string, any> | null} */
     this.status = null;
     this.statusAtMs = NaN;
+    /** @type {Record<string, any> | null} what the navigator estimates */
+    this.navigation = null;
+    this.navigationAtMs = NaN;
     /** @type {EventEntry[]} newest first */
     this.events = [];
     /** @type {Map<string, Reading>} */
@@ -42,7 +45,7 @@ export class Model {
    * Takes one message of the socket, or of the seed's own socket (bare sensor JSON).
    * @param {unknown} text
    * @param {number} nowMs
-   * @returns {'sensors' | 'status' | 'event' | null} what changed
+   * @returns {'sensors' | 'status' | 'navigation' | 'event' | null} what changed
    */
   receive(text, nowMs) {
     let message;
@@ -59,6 +62,8 @@ export class Model {
     if (message.topic === 'sensors' && isObject(message.data))
       return this.takeSensors(message.data, message.extra, nowMs);
     if (message.topic === 'status' && isObject(message.data)) return this.takeStatus(message.data, nowMs);
+    if (message.topic === 'navigation' && isObject(message.data))
+      return this.takeNavigation(message.data, nowMs);
     if (message.topic === 'event') return this.takeEvents([message]);
     if (message.topic === undefined && isObject(message.imu)) return this.takeSensors(message, {}, nowMs);
     return null;
@@ -87,6 +92,17 @@ export class Model {
     this.status = data;
     this.statusAtMs = nowMs;
     return 'status';
+  }
+
+  /**
+   * @param {Record<string, any>} data
+   * @param {number} nowMs
+   * @returns {'navigation'}
+   */
+  takeNavigation(data, nowMs) {
+    this.navigation = data;
+    this.navigationAtMs = nowMs;
+    return 'navigation';
   }
 
   /**

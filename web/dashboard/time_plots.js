@@ -11,6 +11,11 @@ import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './
 
 /** @typedef {import('./uplot.js').UPlot} UPlot */
 
+/**
+ * @typedef {{key: string, label: string, unit: string, decimals: number, color: string, down: boolean, least: number}} Quantity
+ */
+
+/** What the sensors measure. @type {Quantity[]} */
 export const QUANTITIES = [
   { key: 'depth', label: 'Depth', unit: 'm', decimals: 2, color: '--plot-depth', down: true, least: 1 },
   {
@@ -42,6 +47,28 @@ export const QUANTITIES = [
   },
 ];
 
+/** What the navigator estimates of the motion. @type {Quantity[]} */
+export const MOTION = [
+  {
+    key: 'speed',
+    label: 'Speed over ground, est.',
+    unit: 'm/s',
+    decimals: 2,
+    color: '--plot-sound',
+    down: false,
+    least: 0.2,
+  },
+  {
+    key: 'radius',
+    label: 'Position within (95 %)',
+    unit: 'm',
+    decimals: 1,
+    color: '--plot-temperature',
+    down: false,
+    least: 1,
+  },
+];
+
 const WINDOWS_MIN = [1, 10, 60];
 
 export class TimePlots {
@@ -49,8 +76,10 @@ export class TimePlots {
    * @param {import('./card.js').Card} card
    * @param {import('./history.js').History} history
    * @param {import('./model.js').Model} model
+   * @param {Quantity[]} quantities  in the order of the history's keys
    */
-  constructor(card, history, model) {
+  constructor(card, history, model, quantities) {
+    this.quantities = quantities;
     this.history = history;
     this.model = model;
     this.windowS = 60;
@@ -60,13 +89,14 @@ export class TimePlots {
     /** @type {number[]} */
     this.times = [];
     /** @type {(number | null)[][]} */
-    this.columns = QUANTITIES.map(() => []);
+    this.columns = this.quantities.map(() => []);
     /** @type {UPlot[]} */
     this.plots = [];
     this.drawnKey = '';
     this.buildTools(card);
     this.area = make('div', { class: 'plots' });
-    this.rows = QUANTITIES.map((quantity) => this.buildRow(quantity));
+    this.area.style.gridTemplateRows = `repeat(${quantities.length}, minmax(0, 1fr))`;
+    this.rows = this.quantities.map((quantity) => this.buildRow(quantity));
     card.add(this.area);
     void this.load();
   }
@@ -110,7 +140,7 @@ export class TimePlots {
     );
   }
 
-  /** @param {(typeof QUANTITIES)[number]} quantity */
+  /** @param {Quantity} quantity */
   buildRow(quantity) {
     const number = make('span', { class: 'number', text: '-' });
     const time = make('span', { class: 'at' });
@@ -141,8 +171,8 @@ export class TimePlots {
       this.area.append(make('p', { class: 'notice', text: MISSING }));
       return;
     }
-    QUANTITIES.forEach((quantity, i) => {
-      const isLast = i === QUANTITIES.length - 1;
+    this.quantities.forEach((quantity, i) => {
+      const isLast = i === this.quantities.length - 1;
       this.plots.push(new UPlot(this.options(quantity, i, isLast), this.dataOf(i), this.rows[i].holder));
     });
     new ResizeObserver(() => this.fit()).observe(this.area);
@@ -151,7 +181,7 @@ export class TimePlots {
   }
 
   /**
-   * @param {(typeof QUANTITIES)[number]} quantity
+   * @param {Quantity} quantity
    * @param {number} index
    * @param {boolean} showsTime
    * @returns {import('uplot').Options}
@@ -242,7 +272,7 @@ export class TimePlots {
   /** What is seen, in the units wanted. */
   copySpan() {
     this.history.copySpan(this.rightS - this.windowS, this.rightS, this.times, this.columns);
-    QUANTITIES.forEach(({ unit }, i) => {
+    this.quantities.forEach(({ unit }, i) => {
       setText(this.rows[i].unit, shownUnit(unit));
       if (shownUnit(unit) === unit) return;
       const column = this.columns[i];
@@ -262,7 +292,7 @@ export class TimePlots {
   showNewest(i) {
     const column = this.columns[i];
     const value = column.length > 0 ? column[column.length - 1] : null;
-    setText(this.rows[i].number, fixed(value, QUANTITIES[i].decimals));
+    setText(this.rows[i].number, fixed(value, this.quantities[i].decimals));
     setText(this.rows[i].time, '');
   }
 
@@ -276,7 +306,7 @@ export class TimePlots {
       this.showNewest(i);
       return;
     }
-    setText(this.rows[i].number, fixed(this.columns[i][at], QUANTITIES[i].decimals));
+    setText(this.rows[i].number, fixed(this.columns[i][at], this.quantities[i].decimals));
     setText(this.rows[i].time, `at ${clockTime(this.model.unixAt(this.times[at] * 1000))}`);
   }
 
@@ -298,7 +328,7 @@ export class TimePlots {
   }
 
   saveCsv() {
-    const shown = QUANTITIES.map((quantity) => ({ ...quantity, unit: shownUnit(quantity.unit) }));
+    const shown = this.quantities.map((quantity) => ({ ...quantity, unit: shownUnit(quantity.unit) }));
     const text = csvOfSpan(shown, this.times, this.columns, (s) => this.model.unixAt(s * 1000));
     saveBlob(
       new Blob([text], { type: 'text/csv' }),
@@ -308,7 +338,7 @@ export class TimePlots {
 
   async savePng() {
     const right = this.model.unixAt(this.rightS * 1000);
-    const titles = QUANTITIES.map((quantity) => `${quantity.label} (${shownUnit(quantity.unit)})`);
+    const titles = this.quantities.map((quantity) => `${quantity.label} (${shownUnit(quantity.unit)})`);
     const title = `BlueROV SLAM, ${dateTime(right - this.windowS)} to ${clockTime(right)}`;
     const blob = await pngOfPlots(this.plots, titles, title);
     if (blob) saveBlob(blob, `bluerov-slam-${fileStamp(right)}.png`);

@@ -1,0 +1,150 @@
+// @ts-check
+// The map itself: OpenLayers moves and zooms, one canvas layer shows what is known. North is up, units are metres.
+
+import { colors, onThemeChange } from '../shared/theme.js';
+import { MapPainter } from './map_painter.js';
+import { remPx } from './uplot.js';
+
+/**
+ * @typedef {import('./openlayers.js').OpenLayers} OpenLayers
+ * @typedef {import('./map_painter.js').Scene} Scene
+ */
+
+const COLORS = ['--line', '--dim', '--text', '--accent', '--vehicle', '--surface', '--warn', '--fault'];
+const LARGEST_M = 200_000;
+const FINEST_M_PER_PX = 0.004;
+const START_M_PER_PX = 0.15;
+/** The vehicle is followed once it leaves this share of the picture's middle. */
+const CALM_SHARE = 0.3;
+const SMALLEST_EXTENT_M = 20;
+
+export class MapView {
+  /**
+   * @param {OpenLayers} ol
+   * @param {HTMLElement} target
+   * @param {Scene} scene
+   */
+  constructor(ol, target, scene) {
+    this.scene = scene;
+    this.target = target;
+    this.painter = new MapPainter();
+    this.canvas = document.createElement('canvas');
+    const projection = new ol.Projection({
+      code: 'LOCAL-METRIC',
+      units: 'm',
+      extent: [-LARGEST_M, -LARGEST_M, LARGEST_M, LARGEST_M],
+    });
+    ol.addProjection(projection);
+    this.view = new ol.View({
+      projection,
+      center: [0, 0],
+      resolution: START_M_PER_PX,
+      minResolution: FINEST_M_PER_PX,
+      maxResolution: 200,
+      enableRotation: false,
+      constrainResolution: false,
+    });
+    this.layer = new ol.Layer({ render: (/** @type {any} */ frame) => this.paint(frame) });
+    this.map = new ol.Map({
+      target,
+      view: this.view,
+      layers: [this.layer],
+      controls: [],
+      interactions: ol.defaultInteractions({ altShiftDragRotate: false, pinchRotate: false }),
+    });
+    onThemeChange(() => this.readColors());
+    this.readColors();
+  }
+
+  readColors() {
+    this.painter.colors = colors(...COLORS);
+    this.painter.fontPx = Math.round(0.6875 * remPx());
+    this.redraw();
+  }
+
+  /** Something of the scene has changed: draw with the browser's next frame. */
+  redraw() {
+    this.layer.changed();
+  }
+
+  /** @param {any} frame  OpenLayers' frame state */
+  paint(frame) {
+    const { canvas } = this;
+    const [width, height] = frame.size;
+    const ratio = frame.pixelRatio;
+    const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+    canvas.className = 'map-canvas';
+    const context = canvas.getContext('2d');
+    if (!context) return canvas;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    const [centerE, centerN] = frame.viewState.center;
+    const metresPerPx = frame.viewState.resolution;
+    this.painter.draw(context, { width, height, centerE, centerN, metresPerPx }, this.scene);
+    return canvas;
+  }
+
+  /**
+   * Keeps the vehicle in the middle part of the picture.
+   * @param {number} eastM
+   * @param {number} northM
+   * @param {boolean} atOnce
+   */
+  follow(eastM, northM, atOnce) {
+    const size = this.map.getSize();
+    const center = this.view.getCenter();
+    const resolution = this.view.getResolution();
+    if (!size || !center || !resolution) return;
+    const offX = Math.abs(eastM - center[0]) / resolution / size[0];
+    const offY = Math.abs(northM - center[1]) / resolution / size[1];
+    if (!atOnce && (this.view.getAnimating() || Math.max(offX, offY) < CALM_SHARE)) return;
+    if (atOnce || isMotionReduced()) this.view.setCenter([eastM, northM]);
+    else this.view.animate({ center: [eastM, northM], duration: 400 });
+  }
+
+  /** The whole track and the vehicle with its ellipse, in one picture. */
+  fit() {
+    const { track, state } = this.scene;
+    const extent = track.extent();
+    const position = state?.position;
+    const size = this.map.getSize();
+    if (!size) return;
+    const radius = Number.isFinite(state?.ellipse?.major_m) ? state?.ellipse.major_m : 0;
+    const north = extent ? [...extent.north] : [];
+    const east = extent ? [...extent.east] : [];
+    if (Number.isFinite(position?.north_m) && Number.isFinite(position?.east_m)) {
+      north.push(position.north_m - radius, position.north_m + radius);
+      east.push(position.east_m - radius, position.east_m + radius);
+    }
+    if (north.length === 0) return;
+    const box = [Math.min(...east), Math.min(...north), Math.max(...east), Math.max(...north)];
+    const needed = Math.max((box[2] - box[0]) / size[0], (box[3] - box[1]) / size[1]);
+    const least = SMALLEST_EXTENT_M / Math.min(size[0], size[1]);
+    this.view.setCenter([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]);
+    this.view.setResolution(Math.max(needed * 1.2, least));
+  }
+
+  /** @param {number} factor  above 1: closer */
+  zoom(factor) {
+    const resolution = this.view.getResolution();
+    if (!resolution) return;
+    const next = Math.max(FINEST_M_PER_PX, resolution / factor);
+    if (isMotionReduced()) this.view.setResolution(next);
+    else this.view.animate({ resolution: next, duration: 150 });
+  }
+
+  /**
+   * East and north under a pointer.
+   * @param {number[]} pixel
+   * @returns {[number, number] | null}
+   */
+  at(pixel) {
+    const coordinate = this.map.getCoordinateFromPixel(pixel);
+    return coordinate ? [coordinate[0], coordinate[1]] : null;
+  }
+}
+
+function isMotionReduced() {
+  return matchMedia('(prefers-reduced-motion: reduce)').matches;
+}
