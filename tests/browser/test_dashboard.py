@@ -54,7 +54,7 @@ def test_instruments_and_plots_draw_something(system: RunningSystem, open_page: 
     watch.expect_complaints("willReadFrequently")
     page = open_page(system.dashboard)
     live(page)
-    expect(page.locator(".plots .uplot")).to_have_count(4)
+    expect(page.locator(".card-plots .uplot")).to_have_count(4)
     expect(page.locator(".card-profile .uplot")).to_have_count(1)
     count_colors = """canvas => {
         const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
@@ -404,7 +404,7 @@ def test_it_works_under_a_prefix_in_an_iframe(
     page = open_page(proxy.frame_url)
     frame = page.frame_locator("iframe")
     live(frame)
-    expect(frame.locator(".plots .uplot")).to_have_count(4)
+    expect(frame.locator(".card-plots .uplot")).to_have_count(4)
     frame.get_by_role("tab", name="Settings").click()
     expect(frame.locator("[data-key='recording.max_file_mb']")).to_be_visible()
     frame.get_by_role("tab", name="Recordings").click()

@@ -11,6 +11,7 @@ import { Banner, connectionFault, streamFault } from './banner.js';
 import { HealthPage } from './health.js';
 import { LivePage } from './live.js';
 import { Model, STALE_S, ageS } from './model.js';
+import { NavigationPage } from './navigation_page.js';
 import { prefill } from './prefill.js';
 import { RecordingsPage } from './recordings.js';
 import { SettingsPage } from './settings.js';
@@ -45,11 +46,12 @@ let phase = 'connecting';
 
 startTheme(byId('theme', HTMLButtonElement));
 const live = new LivePage(byId('panel-live', HTMLElement), model);
+const navigation = new NavigationPage(byId('panel-navigation', HTMLElement), model);
 const recordings = new RecordingsPage(byId('panel-recordings', HTMLElement), model);
 const settings = new SettingsPage(byId('panel-settings', HTMLElement), model);
 const health = new HealthPage(byId('panel-health', HTMLElement), model);
 /** @type {Record<string, {show: () => void}>} */
-const pages = { live, recordings, settings, health };
+const pages = { live, navigation, recordings, settings, health };
 const tabs = new Tabs(byId('tabs', HTMLElement), (id) => pages[id]?.show());
 const banner = new Banner(byId('banner', HTMLElement), () => {
   tabs.show('health');
@@ -62,8 +64,14 @@ function onMessage(text) {
   const changed = model.receive(text, nowMs);
   if (changed === 'sensors') live.onSensors(nowMs);
   else if (changed === 'status') onStatus();
-  else if (changed === 'navigation') live.onNavigation(nowMs);
+  else if (changed === 'navigation') onNavigation(nowMs);
   else if (changed === 'event') health.onEvents();
+}
+
+/** @param {number} nowMs */
+function onNavigation(nowMs) {
+  live.onNavigation(nowMs);
+  navigation.onNavigation();
 }
 
 function onStatus() {

@@ -12,7 +12,8 @@ import { MISSING, axisColors, honestScale, loadUPlot, plotFont, remPx } from './
 /** @typedef {import('./uplot.js').UPlot} UPlot */
 
 /**
- * @typedef {{key: string, label: string, unit: string, decimals: number, color: string, down: boolean, least: number}} Quantity
+ * @typedef {{key: string, label: string, unit: string, decimals: number, color: string, down: boolean, least: number,
+ *   showsTime?: boolean}} Quantity  showsTime: has marks of time of its own; without a word, the last one has
  */
 
 /** What the sensors measure. @type {Quantity[]} */
@@ -56,6 +57,7 @@ export const MOTION = [
     decimals: 2,
     color: '--plot-sound',
     down: false,
+    showsTime: true,
     least: 0.2,
   },
   {
@@ -65,6 +67,7 @@ export const MOTION = [
     decimals: 1,
     color: '--plot-temperature',
     down: false,
+    showsTime: true,
     least: 1,
   },
 ];
@@ -172,8 +175,8 @@ export class TimePlots {
       return;
     }
     this.quantities.forEach((quantity, i) => {
-      const isLast = i === this.quantities.length - 1;
-      this.plots.push(new UPlot(this.options(quantity, i, isLast), this.dataOf(i), this.rows[i].holder));
+      const showsTime = quantity.showsTime ?? i === this.quantities.length - 1;
+      this.plots.push(new UPlot(this.options(quantity, i, showsTime), this.dataOf(i), this.rows[i].holder));
     });
     new ResizeObserver(() => this.fit()).observe(this.area);
     onThemeChange(() => this.plots.forEach((plot) => plot.redraw(false)));
