@@ -18,7 +18,7 @@ from dashboard_page import blank, changed_messages, huge, in_data, live, open_ta
 
 pytestmark = pytest.mark.browser
 
-TABS = ("Live", "Recordings", "Settings", "Health")
+TABS = ("Live", "Navigation", "Recordings", "Settings", "Health")
 SIZES = {"320 px": (320, 640), "phone": (360, 740), "tablet": (820, 1180), "laptop": (1440, 900), "4K": (3840, 2160)}
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 LOST = ("WebSocket", "ERR_CONNECTION", "Failed to load resource", "ERR_FAILED", "ERR_EMPTY_RESPONSE")
@@ -76,7 +76,7 @@ def test_a_page_opened_late_shows_the_dive_before_it(
 
     def seen() -> list[str]:
         with page.expect_download() as download:
-            page.get_by_role("button", name="CSV").click()
+            page.locator(".card-plots").get_by_role("button", name="CSV").click()
         download.value.save_as(tmp_path / "seen.csv")
         return (tmp_path / "seen.csv").read_text().splitlines()
 
@@ -97,13 +97,15 @@ def test_plots_pause_change_window_and_are_saved_as_a_picture(
 ) -> None:
     page = open_page(system.dashboard)
     live(page)
-    page.get_by_role("button", name="10 min").click()
-    expect(page.get_by_role("button", name="10 min")).to_have_attribute("aria-pressed", "true")
-    expect(page.get_by_role("button", name="1 min", exact=True)).to_have_attribute("aria-pressed", "false")
-    page.get_by_role("button", name="Pause").click()
-    expect(page.get_by_role("button", name="Paused")).to_have_attribute("aria-pressed", "true")
+    page.locator(".card-plots").get_by_role("button", name="10 min").click()
+    expect(page.locator(".card-plots").get_by_role("button", name="10 min")).to_have_attribute("aria-pressed", "true")
+    expect(page.locator(".card-plots").get_by_role("button", name="1 min", exact=True)).to_have_attribute(
+        "aria-pressed", "false"
+    )
+    page.locator(".card-plots").get_by_role("button", name="Pause").click()
+    expect(page.locator(".card-plots").get_by_role("button", name="Paused")).to_have_attribute("aria-pressed", "true")
     with page.expect_download() as download:
-        page.get_by_role("button", name="PNG").click()
+        page.locator(".card-plots").get_by_role("button", name="PNG").click()
     download.value.save_as(tmp_path / "seen.png")
     assert (tmp_path / "seen.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
@@ -116,7 +118,7 @@ def test_what_is_unknown_is_a_dash_and_never_a_zero(system: RunningSystem, open_
     page = open_page(system.dashboard, prepare=prepare)
     expect(page.locator("#connection-text")).to_have_text("Live")
     expect(page.locator(".fix")).to_have_text("Silent")
-    for number in page.locator("#panel-live .card:not(.card-plots) .number").all():
+    for number in page.locator("#panel-live .card:not(.card-plots, .card-motion, .card-navigation) .number").all():
         expect(number).to_have_text("-")
     for cell in page.locator(".sonars td").all()[1:]:
         expect(cell).to_have_text("-")
@@ -210,16 +212,16 @@ def test_a_fault_is_told_in_the_banner_and_on_the_health_page(system: RunningSys
     expect(trouble).to_contain_text("12 V")
 
 
-def test_inside_blueos_the_plots_stand_beside_the_instruments(system: RunningSystem, open_page: OpenPage) -> None:
+def test_inside_blueos_the_map_stands_beside_the_instruments(system: RunningSystem, open_page: OpenPage) -> None:
     page = open_page(system.dashboard, width=1180, height=800)
     live(page)
     boxes = [chip.bounding_box() for chip in page.locator("#strip li").all()]
     assert len({box["y"] for box in boxes}) == 1  # type: ignore[index]
-    plots, depth = page.locator(".card-plots").bounding_box(), page.locator(".card-depth").bounding_box()
-    assert plots
+    chart, depth = page.locator(".card-map").bounding_box(), page.locator(".card-depth").bounding_box()
+    assert chart
     assert depth
-    assert plots["x"] > depth["x"] + depth["width"]
-    assert plots["y"] < 400
+    assert chart["x"] > depth["x"] + depth["width"]
+    assert chart["y"] < 400
 
 
 def test_the_waterfall_is_one_click_away(system: RunningSystem, open_page: OpenPage) -> None:
@@ -441,6 +443,7 @@ def test_the_page_names_no_other_host() -> None:
     assert len(files) > 40
     for file in files:
         text = file.read_text().replace("http://www.w3.org/2000/svg", "")
+        text = text.replace('xmlns="http://www.topografix.com/GPX/1/1"', "")
         assert not re.search(r"https?://[\w.]", text), file
         if file.suffix in (".html", ".js"):
             assert not re.search(r"""(?:src|href)=["']/|fetch\(["'`]/|call\(["'`]/""", text), file

@@ -1,0 +1,201 @@
+"""The map and the navigation page in a real browser, on a running system; some with a state put in its messages."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from browser_rig import OpenPage, RunningSystem
+from dashboard_page import changed_messages, live, open_tab, until
+
+pytestmark = pytest.mark.browser
+
+PAINTED = """() => {
+    const canvas = document.querySelector('.map-canvas');
+    if (!canvas?.width) return 0;
+    const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 255)
+        colours.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
+    return colours.size;
+}"""
+
+
+def sensor(name: str, label: str, **changes: Any) -> dict[str, Any]:
+    return {
+        "id": name, "label": label, "trust": "used", "reason": "", "accepted": 40, "rejected": 0, "age_s": 0.2,
+        "nis_ratio": 1.0, "nis_count": 40, "nis_band": [0.6, 1.5],
+    } | changes  # fmt: skip
+
+
+def state(**changes: Any) -> dict[str, Any]:
+    """The topic's data in mid-dive, with a few keys changed."""
+    return {
+        "mode": "dead_reckoning",
+        "text": "Dead reckoning, within 8.0 m, 90 s since the last fix",
+        "origin": {"latitude_deg": 47.6, "longitude_deg": -2.7},
+        "position": {
+            "north_m": 12.0, "east_m": -5.0, "depth_m": 7.5, "latitude_deg": 47.600108, "longitude_deg": -2.700067,
+        },
+        "ellipse": {"major_m": 8.0, "minor_m": 3.0, "bearing_deg": 40.0, "probability": 0.95},
+        "attitude": {"roll_deg": 1.0, "pitch_deg": -2.0, "heading_deg": 45.0},
+        "std": {"heading_deg": 1.5, "tilt_deg": 0.3, "depth_m": 0.02, "speed_mps": 0.06},
+        "velocity": {"north_mps": 0.3, "east_mps": 0.3, "down_mps": 0.0, "speed_mps": 0.42, "course_deg": 45.0},
+        "current": {"north_mps": -0.1, "east_mps": 0.0, "std_mps": 0.02},
+        "altitude_m": None, "distance_m": 321.0, "since_fix_s": 90.0, "reset_counter": 0, "simulated": True,
+        "sensors": [sensor("compass", "Compass"), sensor("gps", "GPS")],
+        "fix": None, "odometry": {"enabled": False, "sent": 0, "text": "Nothing is sent to the autopilot"},
+    } | changes  # fmt: skip
+
+
+def told(data: dict[str, Any]) -> Any:
+    """Every message of the navigator says this; the track it remembers is empty."""
+
+    def change(message: dict[str, Any]) -> dict[str, Any]:
+        return {**message, "data": data} if message["topic"] == "navigation" else message
+
+    def prepare(page: Page) -> None:
+        changed_messages(change)(page)
+        empty = {"origin": data["origin"], "points": [], "fixes": []}
+        page.route("**/api/navigation/track*", lambda route: route.fulfill(json=empty))
+
+    return prepare
+
+
+def cell(page: Page, label: str) -> Any:
+    return page.locator(".card-navigation .cell", has=page.get_by_text(label, exact=True)).locator(".number")
+
+
+def test_the_navigator_speaks_to_the_page(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    expect(page.locator(".navigation-sentence")).not_to_have_text("Waiting for the navigator")
+    expect(page.locator("#strip li", has_text="Navigation")).to_be_visible()
+    expect(page.locator(".card-navigation .navigation-trust")).to_contain_text("Rests on")
+
+
+def test_the_map_shows_where_the_vehicle_is_and_how_sure_that_is(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=told(state()))
+    live(page)
+    expect(page.locator(".map-sentence")).to_have_text("Dead reckoning, within 8.0 m, 90 s since the last fix")
+    expect(page.locator(".map-empty")).to_be_hidden()
+    until(page, lambda: page.evaluate(PAINTED) > 3)
+    expect(cell(page, "North")).to_have_text("12.0")
+    expect(cell(page, "East")).to_have_text("−5.0")
+    expect(cell(page, "Within (95 %)")).to_have_text("8.0")
+    expect(cell(page, "True heading")).to_have_text("045° ±3.0°")
+    expect(cell(page, "Sets to")).to_have_text("180°")
+
+
+def test_without_a_position_the_map_says_what_is_missing(system: RunningSystem, open_page: OpenPage) -> None:
+    nothing = {
+        "origin": {"latitude_deg": None, "longitude_deg": None},
+        "position": dict.fromkeys(("north_m", "east_m", "depth_m", "latitude_deg", "longitude_deg")),
+        "ellipse": {"major_m": None, "minor_m": None, "bearing_deg": None, "probability": 0.95},
+    }
+    reason = "waiting for three fixes that agree"
+    waiting = [sensor("gps", "GPS", trust="waiting", reason=reason, nis_ratio=None, nis_band=None)]
+    page = open_page(system.dashboard, prepare=told(state(mode="attitude", sensors=waiting, **nothing)))
+    live(page)
+    expect(page.locator(".map-empty")).to_have_text(f"No position yet. GPS: {reason}")
+    expect(page.locator(".map-sentence")).to_be_hidden()
+    expect(cell(page, "North")).to_have_text("-")
+    page.get_by_role("button", name="GPX").click()
+    expect(page.locator(".map-cursor")).to_have_text("There is no track to save yet")
+
+
+def test_the_map_moves_and_zooms_by_the_keyboard(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=told(state()))
+    live(page)
+    until(page, lambda: page.evaluate(PAINTED) > 3)
+    scale = page.locator(".map-scale")
+    expect(scale).to_have_text(re.compile(r"\d m"))
+    target = page.locator(".map-target")
+    target.focus()
+    first = scale.inner_text()
+    for _ in range(8):
+        page.keyboard.press("-")
+    expect(scale).not_to_have_text(first)
+    follow = page.get_by_role("button", name="Follow")
+    expect(follow).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("ArrowLeft")
+    expect(follow).to_have_attribute("aria-pressed", "false")
+    page.keyboard.press("f")
+    expect(follow).to_have_attribute("aria-pressed", "true")
+
+
+def test_a_distance_is_measured_between_two_clicks(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=told(state()))
+    live(page)
+    until(page, lambda: page.evaluate(PAINTED) > 3)
+    page.get_by_role("button", name="Measure").click()
+    expect(page.locator(".map-cursor")).to_have_text("Click two points")
+    box = page.locator(".map-target").bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.click(x - 150, y)
+    page.wait_for_timeout(400)  # the map waits whether a click becomes a double click
+    page.mouse.click(x + 50, y)
+    expect(page.locator(".map-cursor")).to_have_text(re.compile(r"^\d+\.\d m, bearing 090° true$"))
+    page.keyboard.press("Tab")
+    page.locator(".map-target").focus()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("button", name="Measure")).to_have_attribute("aria-pressed", "false")
+
+
+def test_the_track_is_saved_as_other_programs_read_it(
+    system: RunningSystem, open_page: OpenPage, tmp_path: Path
+) -> None:
+    page = open_page(system.dashboard, prepare=told(state()))
+    live(page)
+    expect(page.locator(".map-sentence")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="GeoJSON").click()
+    download.value.save_as(tmp_path / "track.geojson")
+    line = json.loads((tmp_path / "track.geojson").read_text())["features"][0]
+    longitude, latitude, height = line["geometry"]["coordinates"][0]
+    assert (longitude, latitude) == pytest.approx((-2.700067, 47.600108), abs=2e-6)
+    assert height == -7.5
+    assert line["properties"]["simulated"] is True
+    assert line["properties"]["mode"][0] == "dead_reckoning"
+
+
+def test_a_distrusted_sensor_is_named_with_the_reason(system: RunningSystem, open_page: OpenPage) -> None:
+    reason = "1 km from where everything else says; check the antenna"
+    doubted = sensor("gps", "GPS", trust="rejected", reason=reason, rejected=7, nis_ratio=40.0)
+    page = open_page(system.dashboard, prepare=told(state(sensors=[sensor("compass", "Compass"), doubted])))
+    live(page)
+    expect(page.locator(".navigation-trust")).to_contain_text("Not trusted: GPS")
+    open_tab(page, "Navigation")
+    expect(page.locator(".consistency-sentence")).to_contain_text("Not trusted: GPS.")
+    row = page.locator(".sensor-trust", has_text="GPS")
+    expect(row).to_contain_text("Rejected")
+    expect(row).to_contain_text(reason)
+    expect(row.locator(".nis-mark")).to_have_attribute("data-outside", "true")
+
+
+def test_a_calibration_starts_says_what_to_do_and_is_cancelled(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    open_tab(page, "Navigation")
+    expect(page.locator(".assistant-steps li")).to_have_count(4)
+    gyro = page.locator(".calibration", has_text="Gyro")
+    gyro.get_by_role("button", name=re.compile("Start|Repeat")).click()
+    expect(gyro.locator(".instruction")).to_have_text(re.compile(r"\w+ \w+"))
+    expect(page.locator(".calibration", has_text="Accelerometer").get_by_role("button", name="Start")).to_be_disabled()
+    gyro.get_by_role("button", name="Cancel").click()
+    expect(gyro.get_by_role("button", name=re.compile("Start|Repeat"))).to_be_enabled()
+
+
+def test_the_autopilot_panel_says_why_it_cannot_ask(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard)
+    live(page)
+    open_tab(page, "Navigation")
+    panel = page.locator(".panel-autopilot")
+    expect(panel).to_contain_text(re.compile("MAVLink|autopilot"))
+    expect(panel.get_by_role("button", name="Set parameters")).to_be_disabled()
