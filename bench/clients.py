@@ -1,7 +1,8 @@
 """Ten pilots' browsers as one process: WebSocket clients that note when what arrived.
 
 `python -m bench.clients SENSORS_URL PINGS_URL COUNT SECONDS` prints one JSON object:
-{"sensors": [[device_ms, [arrival of each client]]...], "pings": [["A", number, [...]]...], "messages": n}.
+{"sensors": [[device_ms, [arrival of each client]]...], "pings": [["A", number, [...]]...], "messages": n,
+"navigation": [[t, arrival]...]} (t: the state's instant, unix seconds).
 Arrival times are host monotonic seconds, the same clock as the writer's.
 """
 
@@ -28,6 +29,7 @@ class Clients:
     def __init__(self) -> None:
         self.sensors: dict[int, list[float]] = defaultdict(list)
         self.pings: dict[tuple[str, int], list[float]] = defaultdict(list)
+        self.navigation: list[tuple[float, float]] = []
         self.messages = 0
         self.ready = 0
 
@@ -37,9 +39,12 @@ class Clients:
             async for message in socket:
                 arrived_s = time.monotonic()
                 self.messages += 1
-                if message.type is not aiohttp.WSMsgType.TEXT or not message.data.startswith('{"topic":"sensors"'):
+                if message.type is not aiohttp.WSMsgType.TEXT:
                     continue
-                self.sensors[orjson.loads(message.data)["data"]["ts"]].append(arrived_s)
+                if message.data.startswith('{"topic":"sensors"'):
+                    self.sensors[orjson.loads(message.data)["data"]["ts"]].append(arrived_s)
+                elif message.data.startswith('{"topic":"navigation"'):
+                    self.navigation.append((orjson.loads(message.data)["t"], arrived_s))
 
     async def viewer(self, session: aiohttp.ClientSession, url: str) -> None:
         async with session.ws_connect(url, max_msg_size=0) as socket:
@@ -71,6 +76,7 @@ async def run(sensors_url: str, pings_url: str, count: int, seconds: float) -> d
         "sensors": [[key, times] for key, times in clients.sensors.items()],
         "pings": [[*key, times] for key, times in clients.pings.items()],
         "messages": clients.messages,
+        "navigation": clients.navigation,
     }
 
 

@@ -26,7 +26,7 @@ REFERENCE_S = 20.0
 
 def rows() -> list[dict[str, object]]:
     """Run both sides one after the other and compare."""
-    reference = _bare_relay()
+    reference = bare_relay()
     with running_system(BAUD, BLUEROV_SLAM_FORWARDING__TARGETS='["127.0.0.1"]') as system:
         measured = _load(system)
     ratio = measured["latency_ms"] / reference["latency_ms"]
@@ -81,7 +81,7 @@ def _load(system: System) -> dict[str, float]:
     }
 
 
-def _bare_relay() -> dict[str, float]:
+def bare_relay() -> dict[str, float]:
     """The same clients on the reference."""
     master, slave = pty.openpty()
     tty.setraw(slave)

@@ -36,11 +36,12 @@ DIGIT_STEP = 20
 
 @dataclass(frozen=True, slots=True)
 class LoadFrame:
-    """One AA55 frame; `ends` names the SENSORS frame (`device_ms`) or ping (channel, number) that it completes."""
+    """One AA55 frame, and what it completes: a SENSORS frame, a ping (channel, number) or an IMU burst."""
 
     data: bytes
     sensors_ms: int | None = None
     ping: tuple[Channel, int] | None = None
+    imu_us: int | None = None
 
 
 def full_load(baud: int, *, seed: int = 1) -> Iterator[LoadFrame]:

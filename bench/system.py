@@ -147,6 +147,11 @@ class System:
         """Proportional set size of both services, MB."""
         return sum(process_pss_mb(p.pid) for p in self.processes.values())
 
+    def worker_pid(self) -> int:
+        """The extension's navigation worker."""
+        (worker,) = psutil.Process(self.processes["extension"].pid).children()
+        return worker.pid
+
     def stop(self) -> None:
         for process in self.processes.values():
             process.send_signal(signal.SIGTERM)
