@@ -7,6 +7,10 @@ BIN := $(VENV)/bin
 STAMPS := .stamps
 PYTHON_CODE := src tests bench firmware
 RUN_ARGS ?=
+# These tests drive real browsers and processes on a machine that others share: one that fails is repeated once. A test
+# that had to be repeated is printed by name as "RERUN" and is a race to be mended, not accepted.
+RERUNS ?= --reruns 1 -rfER
+export RERUNS
 
 .PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser \
 	firmware firmware-test
@@ -55,13 +59,13 @@ format: python-setup web-setup
 test: setup check firmware-test test-python test-js test-browser ## everything that must hold, in under ten minutes
 
 test-python:
-	$(BIN)/pytest -n 2 -m "not browser and not long" --ignore=tests/firmware
+	$(BIN)/pytest $(RERUNS) -n 2 -m "not browser and not long" --ignore=tests/firmware
 
 test-js:
 	npm run --silent test
 
 test-browser:
-	$(BIN)/pytest -m "browser and not long" tests/browser
+	$(BIN)/pytest $(RERUNS) -m "browser and not long" tests/browser
 
 firmware: ## the board's own program for this machine: firmware/build/brov-firmware
 	$(MAKE) -s -j2 -C firmware native
@@ -69,7 +73,7 @@ firmware: ## the board's own program for this machine: firmware/build/brov-firmw
 firmware-test: setup ## the firmware's core under sanitizers, with the same bytes as Python's, and as Xtensa code
 	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -s -j2 -C firmware native test; \
 	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
-	$(BIN)/pytest -n 2 -m "not long" tests/firmware
+	$(BIN)/pytest $(RERUNS) -n 2 -m "not long" tests/firmware
 	firmware/xtensa/try_all
 
 test-long: setup ## image build and run, armv7 install, long fuzzing and soak

@@ -234,6 +234,8 @@ def test_the_banner_keeps_its_place_with_and_without_a_fault(system: RunningSyst
     for prepare in (None, changed_messages(faulty)):
         page = open_page(system.dashboard, width=360, height=740, prepare=prepare)
         live(page)
+        if prepare:
+            expect(page.locator("#banner")).to_contain_text("Sonar B is silent")
         heights.append(page.locator("main").bounding_box()["y"])  # type: ignore[index]
     assert heights[0] == heights[1]
 

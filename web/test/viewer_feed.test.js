@@ -108,7 +108,7 @@ function feedOf(windowS = 20) {
 async function settle(feed) {
   for (let k = 0; k < 200; k++) {
     await new Promise((done) => setImmediate(done));
-    if (!feed.channels.A.busy && !feed.channels.B.busy) return;
+    if (Object.values(feed.channels).every(({ busy, repairs }) => !busy && repairs === 0)) return;
   }
   assert.fail('the feed goes on asking');
 }
@@ -216,6 +216,21 @@ test('another run of the clock clears the picture and starts anew', async () => 
   assert.equal(restarts(), 1);
   assert.equal(waterfall.rings[0].length, 1);
   assert.equal(waterfall.rings[0].newestS, 12);
+});
+
+test('a hole of the run before is not filled into the new one', async () => {
+  dive.add(6, 100);
+  const { feed, waterfall, restarts } = feedOf();
+  receive(feed, 1, 100);
+  receive(feed, 6, 100.5);
+  const { A } = feed.channels;
+  receive(feed, 1, 12);
+  dive.pings = [[1, 12]];
+  await settle(feed);
+  assert.equal(restarts(), 1);
+  assert.equal(waterfall.rings[0].length, 1);
+  assert.equal(A.repairs, 0);
+  assert.equal(feed.channels.A.missed, 0);
 });
 
 test('a repeated or late ping changes nothing', async () => {

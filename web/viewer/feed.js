@@ -30,6 +30,7 @@ const CHANNELS = ['A', 'B'];
 /**
  * @typedef {object} ChannelFeed
  * @property {boolean} busy a history call is under way
+ * @property {number} repairs holes that are being fetched
  * @property {number} notBeforeMs after a failure
  * @property {number | null} firstNumber oldest ping that the service keeps; null = not known yet
  * @property {boolean} emptyHistory
@@ -134,13 +135,17 @@ export class Feed {
    * @param {number} missing
    */
   async repair(name, after, missing) {
+    const channel = this.channels[name];
+    channel.repairs += 1;
     const pings = await this.fetchPings(name, `after=${after}&limit=${missing}`);
+    channel.repairs -= 1;
+    if (channel !== this.channels[name]) return;
     const ring = this.waterfall.live(name);
     const found = (pings ?? []).filter((ping) => {
       const distance = numberDistance(ping.number, after);
       return distance > 0 && distance <= missing;
     });
-    this.channels[name].missed += missing - found.length;
+    channel.missed += missing - found.length;
     if (!found.length) return;
     const index = ring.indexOfNumber(after);
     if (index < 0) return;
@@ -342,6 +347,7 @@ export class Feed {
 function newChannel() {
   return {
     busy: false,
+    repairs: 0,
     notBeforeMs: 0,
     firstNumber: null,
     emptyHistory: false,
