@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-MODULES = ("decode", "coding", "live", "pose", "fanout", "recording", "memory", "navigation_filter")
+MODULES = ("decode", "coding", "live", "pose", "fanout", "recording", "memory", "navigation_filter", "attitude")
 RESULTS = Path(__file__).parent / "results.json"
 
 
