@@ -32,7 +32,12 @@ from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.navigation_api import NavigationApi
 from bluerov_slam.services.navigation_messages import Setup
 from bluerov_slam.services.navigation_service import NavigationService
-from bluerov_slam.services.navigation_settings import NAVIGATOR, changes_estimator, navigator_options
+from bluerov_slam.services.navigation_settings import (
+    NAVIGATOR,
+    changes_estimator,
+    navigator_options,
+    recorded_settings,
+)
 from bluerov_slam.services.navigation_state_file import boot_id
 from bluerov_slam.services.navigation_vehicle import NavigationVehicle
 from bluerov_slam.services.recording_api import recording_routes
@@ -288,6 +293,7 @@ class Extension:
             enabled=settings.recording.enabled,
             simulated=self.simulated,
             decoder_settings=_plain(decoder_settings(settings)),
+            navigation_settings=lambda: recorded_settings(self.store.settings),
             on_event=self._tell_from_thread,
         )
         self.hub.subscribe(recorder.observe, name="recorder")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from bluerov_slam.config import Settings
+from bluerov_slam.config import Layer, Settings, combine, setting_infos, values_of
 from bluerov_slam.navigation.vehicle_model import BLUEROV2, BLUEROV2_HEAVY, ThrusterLayout
 from bluerov_slam.pipeline.navigator import NavigatorOptions
 
@@ -14,6 +15,7 @@ NAVIGATOR: Final = "bluerov_slam.pipeline.navigator:Navigator"
 _ONLY_SERVICES: Final = (
     "navigation.odometry_", "navigation.external_position", "navigation.enabled",
 )  # fmt: skip
+_GROUP: Final = "navigation."
 _MILLISECOND: Final = 1e-3
 
 
@@ -42,6 +44,21 @@ def navigator_options(settings: Settings) -> NavigatorOptions:
         ),
         origin_deg=navigation.origin_deg,
     )
+
+
+def recorded_settings(settings: Settings) -> dict[str, object]:
+    """What a recording keeps of the settings, so that the same estimate can be made again."""
+    return {key: value for key, value in values_of(settings).items() if key.startswith(_GROUP)}
+
+
+def recorded_options(recorded: Mapping[str, object], flags: Mapping[str, object]) -> NavigatorOptions:
+    """The options of the time of recording, changed by flags; what this version does not know any more is left out.
+
+    Raises InvalidSettingsError.
+    """
+    known = {info.key for info in setting_infos() if info.key.startswith(_GROUP)}
+    kept = {key: value for key, value in recorded.items() if key in known}
+    return navigator_options(combine([Layer("recording", kept), Layer("command line", flags)]))
 
 
 def _layout(frame: str, directions: tuple[int, ...]) -> ThrusterLayout | None:

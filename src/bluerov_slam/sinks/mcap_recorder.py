@@ -97,8 +97,9 @@ class _Due:
 class Recorder:
     """Records everything that `observe` is given while it is switched on.
 
-    `decoder_settings` are kept in the recording so that a replay decodes as the live run did. `on_event(level, text)`
-    is called on the recorder's own thread.
+    `decoder_settings` are kept in the recording so that a replay decodes as the live run did, and `navigation_settings`
+    (asked when a session begins) so that the same estimate can be made again. `on_event(level, text)` and
+    `navigation_settings()` are called on the recorder's own thread.
     """
 
     def __init__(
@@ -109,6 +110,7 @@ class Recorder:
         enabled: bool = True,
         simulated: bool = False,
         decoder_settings: Mapping[str, object] | None = None,
+        navigation_settings: Callable[[], Mapping[str, object]] = dict,
         on_event: Callable[[records.EventLevel, str], None] | None = None,
         clocks: Clocks | None = None,
     ) -> None:
@@ -116,6 +118,7 @@ class Recorder:
         self.limits = limits or RecordingLimits()
         self._simulated = simulated
         self._decoder_settings = dict(decoder_settings or {})
+        self._navigation_settings = navigation_settings
         self._on_event = on_event
         self._clocks = clocks or Clocks()
         self._guard = DiskGuard(folder, self.limits.min_free_bytes)
@@ -331,6 +334,7 @@ class Recorder:
         metadata = {
             "bluerov_slam_version": __version__,
             "decoder_settings": orjson.dumps(self._decoder_settings).decode(),
+            "navigation_settings": orjson.dumps(self._navigation_settings()).decode(),
             "simulated": "true" if self._simulated else "false",
         }
         self._session = SessionWriter(self.folder, SessionStart(first_ns, wall_ns - (now_ns - first_ns), metadata))

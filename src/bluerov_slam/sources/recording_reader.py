@@ -92,7 +92,7 @@ class Recording:
     problems: list[str] = field(default_factory=list)
     imported_from: str | None = None
     simulated: bool = False
-    navigator_options: dict[str, Any] = field(default_factory=dict)
+    navigation_settings: dict[str, Any] = field(default_factory=dict)
 
     @property
     def utc_offset_s(self) -> float | None:
@@ -243,7 +243,7 @@ def _read_metadata(recording: Recording) -> None:
             continue
         if metadata.get("wall_clock") != UNKNOWN_CLOCK:
             recording.wall_offset_ns = int(metadata["wall_offset_ns"])
-        recording.navigator_options = orjson.loads(metadata.get("navigator_options", "{}"))
+        recording.navigation_settings = orjson.loads(metadata.get("navigation_settings", "{}"))
         recording.imported_from = metadata.get("imported_from")
         recording.simulated = metadata.get("simulated") == "true"
         recording.decoder_settings = orjson.loads(metadata.get("decoder_settings", "{}"))

@@ -41,6 +41,7 @@ _MOST_POINTS = 2000
 _MOST_DOTS = 3000
 _ELLIPSES = 60
 _NIS_WINDOW = 25
+_LEAST_NIS, _MOST_NIS = 0.01, 30.0
 _TWO_SIGMA = 2.0
 _NARROWEST_VIEW = 0.5
 _MOST_REACH_M = 50.0
@@ -300,11 +301,17 @@ def _nis(run: NavigationRun) -> Figure | None:
         at_min, mean, low, high = nis_windows(updates, run.start_s)
         axes.axhspan(low, high, color="#dafbe1", linewidth=0)
         axes.axhline(1.0, color="#57606a", linewidth=0.6)
-        # From a hundredth on: a logarithm has no zero.
-        axes.plot(at_min, np.clip(mean, 0.01, 100.0), color=_BEST, linewidth=0.9, marker="." if len(mean) < 40 else "")
+        # A logarithm has no zero: what is smaller lies on the lower edge.
+        axes.plot(
+            at_min,
+            np.clip(mean, _LEAST_NIS, _MOST_NIS),
+            color=_BEST,
+            linewidth=0.9,
+            marker="." if len(mean) < 40 else "",
+        )
         axes.set_yscale("log")
-        axes.set_ylim(0.05, 20.0)
-        axes.set_yticks([0.1, 1.0, 10.0], labels=["0.1", "1", "10"])
+        axes.set_ylim(0.8 * _LEAST_NIS, 1.25 * _MOST_NIS)
+        axes.set_yticks([0.01, 0.1, 1.0, 10.0], labels=["0.01", "0.1", "1", "10"])
         axes.minorticks_off()
         axes.set_ylabel(LABELS.get(name, name))
         axes.set_xlim(0.0, _length_min(run))

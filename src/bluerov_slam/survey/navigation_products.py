@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +29,15 @@ def navigate(
     *,
     smooth: bool = True,
     baud: int = 115200,
+    options: Callable[[Recording], NavigatorOptions] = lambda _recording: NavigatorOptions(),
     state_file: Path | None = None,
     force: bool = False,
 ) -> list[str]:
-    """Write the products of `source` into `out`; what to tell the user. Raises RecordingError naming the cure."""
+    """Write the products of `source` into `out`; what to tell the user. Raises RecordingError naming the cure.
+
+    `options` is asked for the navigator's settings once the recording is open. `state_file` is a navigator's saved
+    state, of which the calibrations are taken.
+    """
     recording = open_recording(source)
     out = out or _default_folder(source)
     if out.exists() and not force:
@@ -44,7 +49,7 @@ def navigate(
         out.parent.mkdir(parents=True, exist_ok=True)
         with in_whole(out) as unfinished:
             unfinished.mkdir()
-            lines = _make(recording, unfinished, smooth, baud, saved)
+            lines = _make(recording, unfinished, options(recording), smooth, baud, saved)
     except OSError as error:
         raise RecordingError(
             f"cannot write {out}: {error.strerror or error}; choose another place with --out"
@@ -52,15 +57,14 @@ def navigate(
     return [f"{out}:", *lines]
 
 
-def options_of(recording: Recording) -> NavigatorOptions:
-    """The navigator's settings at the time of the dive, as far as the recording holds them."""
-    merged = _merge(NavigatorOptions(), recording.navigator_options)
-    assert isinstance(merged, NavigatorOptions)
-    return merged
-
-
-def _make(recording: Recording, folder: Path, smooth: bool, baud: int, saved: SavedNavigation | None) -> list[str]:
-    options = options_of(recording)
+def _make(
+    recording: Recording,
+    folder: Path,
+    options: NavigatorOptions,
+    smooth: bool,
+    baud: int,
+    saved: SavedNavigation | None,
+) -> list[str]:
     states = _StateFile(folder / "navigation.mcap", recording)
     try:
         run = run_navigation(recording, options=options, saved=saved, smooth=smooth, baud=baud, keep=states.write)
@@ -159,21 +163,3 @@ def _calibration(path: Path) -> SavedNavigation:
 
 def _records_words(run: NavigationRun) -> str:
     return ", ".join(f"{count} {name}" for name, count in sorted(run.records.items()))
-
-
-def _merge(options: Any, values: Any) -> Any:
-    """Options with what `values` names of them; what it does not name, or names wrongly, stays."""
-    if not isinstance(values, dict):
-        return options
-    changes: dict[str, Any] = {}
-    for field in fields(options):
-        if field.name not in values:
-            continue
-        present, given = getattr(options, field.name), values[field.name]
-        if is_dataclass(present):
-            changes[field.name] = _merge(present, given)
-        elif isinstance(given, list):
-            changes[field.name] = tuple(given)
-        else:
-            changes[field.name] = given
-    return replace(options, **changes)

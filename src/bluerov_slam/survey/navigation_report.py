@@ -34,11 +34,11 @@ _CSS = """
 :root{color-scheme:light}*{box-sizing:border-box}
 body{margin:0 auto;max-width:60rem;padding:1.5rem 1rem 4rem;background:#fff;color:#1f2328;
 font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif}
-h1{font-size:1.6rem;margin:0 0 .25rem}h2{font-size:1.2rem;margin:2.2rem 0 .5rem}
+h1{font-size:1.6rem;margin:0 0 .25rem;overflow-wrap:anywhere}h2{font-size:1.2rem;margin:2.2rem 0 .5rem}
 p,li{max-width:46rem}.sub{color:#57606a;margin:0 0 1rem}
 .banner{border-left:4px solid #d4a72c;background:#fff8c5;padding:.6rem .9rem;margin:.8rem 0}
 .banner.bad{border-color:#cf222e;background:#ffebe9}
-.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(11rem,1fr));gap:.6rem;margin:1rem 0}
+.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem;margin:1rem 0}
 .facts div{border:1px solid #d0d7de;border-radius:6px;padding:.5rem .7rem}
 .facts b{display:block;font-size:1.15rem}.facts span{color:#57606a;font-size:.85rem}
 figure{margin:.8rem 0;overflow-x:auto}figure svg{max-width:100%;height:auto}
@@ -133,7 +133,8 @@ def in_short(summary: dict[str, Any]) -> list[str]:
 
 
 def _head(summary: dict[str, Any]) -> str:
-    when = summary["started_utc"] or "date unknown"
+    started = summary["started_utc"]
+    when = "date unknown" if started is None else f"{started[:10]} {started[11:19]} UTC"
     origin = f", imported from {summary['imported_from']}" if summary["imported_from"] else ""
     return f"<h1>Navigation of {escape(_name(summary))}</h1><p class=sub>{escape(when + origin)}</p>"
 
@@ -301,11 +302,12 @@ def _times(count: int) -> str:
 
 
 def _name(summary: dict[str, Any]) -> str:
-    return str(summary["imported_from"] or summary["recording"])
+    return str(summary["title"] or summary["imported_from"] or summary["recording"])
 
 
 def _share(part_s: float, total_s: float) -> str:
-    return f"{100.0 * part_s / total_s:.0f} %" if total_s > 0.0 else "0 %"
+    # With a space that does not break.
+    return f"{100.0 * part_s / total_s:.0f}\u00a0%" if total_s > 0.0 else "0\u00a0%"
 
 
 def _metres(value_m: float) -> str:

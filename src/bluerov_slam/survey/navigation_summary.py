@@ -37,7 +37,8 @@ def summarize(run: NavigationRun, recording: Recording, options: NavigatorOption
     return {
         "version": FORMAT_VERSION,
         "bluerov_slam_version": __version__,
-        "recording": recording.path.name,
+        "recording": recording.path.resolve().name,
+        "title": recording.session.get("title") or None,
         "imported_from": recording.imported_from,
         "simulated": recording.simulated,
         "started_utc": started,
