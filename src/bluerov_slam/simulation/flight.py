@@ -63,7 +63,8 @@ class Flight:
         target = route.target(start_s)
         depth_m = body.FLOATING_DEPTH_M if target.depth_m is None else target.depth_m
         half = 0.5 * target.heading_rad
-        self._water = self.ocean.step(start_s, target.north_m, target.east_m, depth_m)
+        place = (target.north_m, target.east_m, depth_m)
+        self._water = self.ocean.step(start_s, place, (0.0, 0.0, 0.0))
         water = self._water.velocity_mps
         cos_h, sin_h = math.cos(target.heading_rad), math.sin(target.heading_rad)
         # Drifting with the water would be unfair to a pilot who has held the place: at rest over ground.
@@ -98,7 +99,7 @@ class Flight:
         self._battery.draw(amperes, step_s)
 
         ahead = (north + velocity[0] * step_s, east + velocity[1] * step_s, down + velocity[2] * step_s)
-        after = self.ocean.step(at_s + step_s, *ahead)
+        after = self.ocean.step(at_s + step_s, ahead, velocity)
         pull = self._tether(north, east, flow)
         torque = self._next_buffet()
         half_water = _halfway(water, after, step_s)

@@ -24,7 +24,7 @@ TURN_DRAG = ((0.30, 1.19), (0.80, 0.47), (0.30, 1.50))
 NET_BUOYANCY_N = 2.0
 RIGHTING_ARM_M = 0.03  # centre of buoyancy above the centre of mass, with usual ballast
 # Added mass alone would turn the hull broadside (Munk's moment) from 0.5 m/s on; behind a blunt one the flow parts.
-MUNK_SHARE = 0.35
+MUNK_SHARE = 0.25
 HEIGHT_M = 0.26
 ANTENNA_FRD_M = (-0.05, 0.0, -0.22)  # GPS antenna from the centre of mass; the other instruments are taken to be at it
 

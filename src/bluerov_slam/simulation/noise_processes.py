@@ -43,6 +43,13 @@ class GaussMarkov:
         values: FloatArray = self._values[index] * (1.0 - share) + self._values[index + 1] * share
         return values
 
+    def slope(self, at_s: float) -> FloatArray:
+        """Per second, at one time."""
+        index = int(max(0.0, at_s / self._step_s))
+        self._reach(index + 1)
+        slope: FloatArray = (self._values[index + 1] - self._values[index]) / self._step_s
+        return slope
+
     def many(self, times_s: FloatArray) -> FloatArray:
         """The values at many times: (n, processes)."""
         place = np.maximum(0.0, times_s / self._step_s)

@@ -55,7 +55,7 @@ class Ocean:
         self._tide_rad = rng.uniform(0.0, 2.0 * math.pi, 2)
         self._eddy_rng = np.random.default_rng([seed, 0xEDD1])
         self._eddy_noise: list[float] = []
-        self._eddy = [0.0] * 6  # driven and smoothed, per axis
+        self._eddy = [[0.0, 0.0, 0.0] for _ in range(3)]  # driven velocity, smoothed velocity, its acceleration
         self._waves = _wave_components(rng, conditions.wave_height_m)
         self._settle()
 
@@ -70,20 +70,27 @@ class Ocean:
         keep = 1.0 - conditions.shear_share * min(1.0, max(0.0, depth_m) / _SHEAR_DEPTH_M)
         return north * keep, east * keep, 0.0
 
-    def step(self, at_s: float, north_m: float, east_m: float, depth_m: float) -> Water:
-        """The water one step further on, where the vehicle is then."""
-        north, east, down = self.current_ned_mps(at_s, depth_m)
+    def step(self, at_s: float, place: Vector, moving: Vector) -> Water:
+        """The water one step further on, where the vehicle is then; `moving`: its velocity, NED.
+
+        The acceleration is that of the water met on the way, so that it fits the velocities from step to step.
+        """
+        north_m, east_m, depth_m = place
         conditions = self._conditions
+        north, east, down = self.current_ned_mps(at_s, depth_m)
+        slope_north_mps2, slope_east_mps2 = self._current.slope(at_s).tolist()
         if conditions.gust_std_mps:
             gust_north, gust_east = self._gusts.at(at_s).tolist()
             north, east = north + gust_north, east + gust_east
+            gust_north, gust_east = self._gusts.slope(at_s).tolist()
+            slope_north_mps2, slope_east_mps2 = slope_north_mps2 + gust_north, slope_east_mps2 + gust_east
         strength = 1.0
         if conditions.heavy_tails:
             # The logarithm of the strength wanders: long calm spells and bursts of the same total power.
             strength = math.exp(0.8 * float(self._bursts.at(at_s)[0]) - 0.64)
-        eddy = self._next_eddy(strength)
-        acceleration = [(eddy[axis] - eddy[3 + axis]) / _EDDY_SMOOTHING_S for axis in range(3)]
-        velocity = [north + eddy[3], east + eddy[4], down + eddy[5]]
+        eddies = self._next_eddy(strength)
+        acceleration = [eddies[0][2] + slope_north_mps2, eddies[1][2] + slope_east_mps2, eddies[2][2]]
+        velocity = [north + eddies[0][1], east + eddies[1][1], down + eddies[2][1]]
         surface_m = slope_north = slope_east = 0.0
         for amplitude, rate, number, cos_to, sin_to, phase in self._waves:
             decay = amplitude * math.exp(-number * max(0.0, depth_m))
@@ -95,9 +102,12 @@ class Ocean:
             velocity[0] += rate * along * cos_to
             velocity[1] += rate * along * sin_to
             velocity[2] -= rate * up
-            acceleration[0] += rate * rate * up * cos_to
-            acceleration[1] += rate * rate * up * sin_to
-            acceleration[2] += rate * rate * along
+            met = number * (moving[0] * cos_to + moving[1] * sin_to) - rate
+            sinking = number * moving[2]
+            change = -met * up - sinking * along
+            acceleration[0] += rate * change * cos_to
+            acceleration[1] += rate * change * sin_to
+            acceleration[2] -= rate * (met * along - sinking * up)
             surface_m += along
             slope_north -= number * up * cos_to
             slope_east -= number * up * sin_to
@@ -112,19 +122,25 @@ class Ocean:
         for _ in range(int(6.0 * _EDDY_S / self._step_s)):
             self._next_eddy(1.0)
 
-    def _next_eddy(self, strength: float) -> list[float]:
-        """White noise through two lags: white below 0.05 Hz, with an acceleration that exists."""
+    def _next_eddy(self, strength: float) -> list[list[float]]:
+        """White noise through two lags: white below 0.05 Hz, with an acceleration that exists.
+
+        The second lag by the trapezoidal rule: velocity changes by exactly the mean of the accelerations.
+        """
         if len(self._eddy_noise) < 3:
             self._eddy_noise = self._eddy_rng.standard_normal(3 * 1024).tolist()
-        eddy, noise, step_s = self._eddy, self._eddy_noise, self._step_s
+        step_s = self._step_s
         walk = strength * self._conditions.unmodelled_velocity_m_per_root_s
         kick = walk * math.sqrt(step_s) / _EDDY_S
-        keep, smooth = math.exp(-step_s / _EDDY_S), 1.0 - math.exp(-step_s / _EDDY_SMOOTHING_S)
-        for axis in range(3):
+        keep, half = math.exp(-step_s / _EDDY_S), 0.5 * step_s
+        for axis, eddy in enumerate(self._eddy):
             size = kick if axis < 2 else kick * _DOWN_SHARE
-            eddy[axis] = eddy[axis] * keep + size * noise.pop()
-            eddy[3 + axis] += (eddy[axis] - eddy[3 + axis]) * smooth
-        return eddy
+            driven, velocity, acceleration = eddy
+            driven = driven * keep + size * self._eddy_noise.pop()
+            middle = velocity + half * acceleration
+            velocity = (middle + half / _EDDY_SMOOTHING_S * driven) / (1.0 + half / _EDDY_SMOOTHING_S)
+            eddy[:] = driven, velocity, (driven - velocity) / _EDDY_SMOOTHING_S
+        return self._eddy
 
 
 def _wave_components(

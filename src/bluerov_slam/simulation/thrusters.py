@@ -54,12 +54,11 @@ def _frame(name: str, vertical: tuple[tuple[float, float], ...]) -> ThrusterFram
         effect.append((surge, sway, 0.0, -sway * line_height_m, surge * line_height_m, turn * yaw_arm_m))
     # ArduSub's mixer gives throttle up the factor -1: a positive output of a vertical thruster pushes down.
     effect += [(0.0, 0.0, 1.0, aside, -ahead, 0.0) for aside, ahead in vertical]
-    weight = [sum(row[axis] ** 2 for row in effect) for axis in range(6)]
-    vectored_only = (0, 1, 5)
     share: list[Force] = []
     for number, row in enumerate(effect):
-        allowed = vectored_only if number < 4 else (2, 3, 4)
-        values = [row[a] / weight[a] if a in allowed and weight[a] > 1.0e-4 else 0.0 for a in range(6)]
+        members, allowed = (effect[:4], (0, 1, 5)) if number < 4 else (effect[4:], (2, 3, 4))
+        weight = [sum(member[axis] ** 2 for member in members) for axis in range(6)]
+        values = [row[a] / weight[a] if a in allowed and weight[a] > 0.0 else 0.0 for a in range(6)]
         share.append((values[0], values[1], values[2], values[3], values[4], values[5]))
     return ThrusterFrame(name, tuple(effect), tuple(share))
 
