@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +39,8 @@ def row(name: str, uncertainty: Uncertainty) -> Bound:
             return bound(TRACK, uncertainty, BOTH_ENDS)
         case "m":
             return bound(TRACK, uncertainty.with_dvl(), START)
+        case "o":
+            return bound(TRACK, uncertainty, Fixes(range(0, 400, 5), 1.0))
         case "i":
             return bound(TRACK, uncertainty, START, beacon=CENTRE)
     raise AssertionError(name)
@@ -52,6 +55,8 @@ def row(name: str, uncertainty: Uncertainty) -> Bound:
         ("b", CALM, 7.8, None),
         ("m", HARD, 16.5, 2.9),
         ("m", CALM, 11.1, 1.9),
+        ("o", HARD, 34.0, 6.7),
+        ("o", CALM, 22.0, 4.1),
         ("i", HARD, 1.9, None),
         ("i", CALM, 1.5, None),
     ],
@@ -140,3 +145,16 @@ def test_a_sampled_error_has_the_covariance_the_bound_says() -> None:
     noisy = covariance[:3, :3] + 0.25 * np.eye(3)
     estimate = seen @ np.linalg.solve(noisy, covariance[:3, 3])
     assert np.var(estimate - error[:, 40]) == pytest.approx(expected[0, 0], rel=0.08)
+
+
+def test_a_mounting_error_turns_the_velocity_but_not_the_compass() -> None:
+    crooked = replace(NOTHING_BUT_NOISE, odometry_mps_rt_s=1e-3, mounting_rad=math.radians(1.0))
+    got = bound(straight(400), crooked, Fixes([0], 1e-3))
+    assert got.end_m == pytest.approx(400 * math.radians(1.0), rel=1e-3)
+
+
+def test_a_scale_of_its_own_for_the_sideways_velocity_leaves_the_forward_one_alone() -> None:
+    crabbing = replace(straight(400), sideways_mps=np.full(400, 0.5))
+    scaled = replace(NOTHING_BUT_NOISE, odometry_mps_rt_s=1e-3, speed_scale=0.1, sway_share=0.5)
+    end = bound(crabbing, scaled, Fixes([0], 1e-3)).end_covariance_m2()
+    assert np.sqrt(np.diag(end)) == pytest.approx((40.0, 10.0), rel=1e-3)

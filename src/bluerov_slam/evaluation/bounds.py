@@ -61,7 +61,9 @@ class Uncertainty:
     """What is not known of the vehicle, the water and the compass, standard deviations.
 
     `odometry_mps_rt_s`: white noise of the velocity, m/s per root second and axis. `slip_share`: of the speed scale's
-    uncertainty, that of the side-slip.
+    uncertainty, that of a side-slip in proportion to the forward speed. `sway_share`: the same of a scale of its own
+    for the sideways velocity, None where one scale holds for both. `mounting_rad`: the velocity's axes against the
+    compass's.
     """
 
     current_mps: float
@@ -72,6 +74,8 @@ class Uncertainty:
     wander_time_s: float = 300.0
     odometry_mps_rt_s: float = 0.05
     slip_share: float = 0.5
+    sway_share: float | None = None
+    mounting_rad: float = 0.0
 
     def with_dvl(self, noise_mps_rt_s: float = 0.01, scale: float = 0.003) -> Uncertainty:
         """The same compass with a velocity over ground: no current, no side-slip."""
@@ -82,6 +86,7 @@ class Uncertainty:
             speed_scale=scale,
             odometry_mps_rt_s=noise_mps_rt_s,
             slip_share=0.0,
+            sway_share=None,
         )
 
 
@@ -254,17 +259,24 @@ def _odometry(
     dt = track.step_s
     cos, sin = np.cos(track.heading_rad), np.sin(track.heading_rad)
     forward, sideways = track.forward_mps, track.sideways_mps
-    scale = study.unknown(1, uncertainty.speed_scale)
     velocity = (forward * cos - sideways * sin, forward * sin + sideways * cos)
     turned = (-velocity[1], velocity[0])  # what the velocity changes by when the heading turns by one radian
-    across = (-forward * sin, forward * cos)
-    slip = study.unknown(1, uncertainty.speed_scale * uncertainty.slip_share) if uncertainty.slip_share else None
+    along, across = (forward * cos, forward * sin), (-sideways * sin, sideways * cos)
+    shared: list[tuple[NDArray[np.int64], tuple[NDArray[np.float64], NDArray[np.float64]]]] = []
+    scale = study.unknown(1, uncertainty.speed_scale)
+    if uncertainty.sway_share is None:
+        shared.append((scale, velocity))
+    else:
+        shared += [(scale, along), (study.unknown(1, uncertainty.speed_scale * uncertainty.sway_share), across)]
+    if uncertainty.slip_share:
+        slip = study.unknown(1, uncertainty.speed_scale * uncertainty.slip_share)
+        shared.append((slip, (-forward * sin, forward * cos)))
+    if uncertainty.mounting_rad:
+        shared.append((study.unknown(1, uncertainty.mounting_rad), turned))
     for axis in range(2):
         terms = [(position[axis][1:], np.ones(track.steps)), (position[axis][:-1], -np.ones(track.steps))]
-        terms.append((scale, -dt * velocity[axis]))
+        terms += [(columns, -dt * values[axis]) for columns, values in shared]
         terms += [(columns, -dt * turned[axis] * values) for columns, values in heading_error]
-        if slip is not None:
-            terms.append((slip, -dt * across[axis]))
         if uncertainty.current_mps:
             terms += _current(study, track, uncertainty)
         study.measure(uncertainty.odometry_mps_rt_s * math.sqrt(dt), *terms)
