@@ -1,6 +1,6 @@
 """The bound of a simulated dive: linearised about what the vehicle really did, with the noise it really had.
 
-Left out, because it only makes the true problem harder than the bound: tilt errors in the compass, the thrusters' field,
+Left out because it only makes the true problem harder: tilt errors in the compass, the thrusters' field,
 the tether, gyro scale, the worse first fixes after surfacing, gaps of the DVL. Left out because it helps less than a
 hundredth: the accelerometers, which smooth noise that adds a few metres to tens. The compass is heading only: the
 strength of the field, which knows of hard iron too, is not used.

@@ -1,6 +1,6 @@
 """One simulated dive through the whole chain, and the figures that are taken from it.
 
-A dive is simulated once: its board's bytes are decoded as live, and the navigator may run over the records several times.
+A dive is simulated once; its board's bytes are decoded as live. The navigator may run over the records several times.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from bluerov_slam.evaluation.trajectory import (
     path_length_m,
     relative_error_m,
 )
+from bluerov_slam.navigation.attitude.calibration import Calibration, MagnetometerCalibration, Provenance, matrix
 from bluerov_slam.navigation.local_frame import LocalFrame
-from bluerov_slam.pipeline.navigator import Navigator
-from bluerov_slam.records import GpsFix
+from bluerov_slam.pipeline.navigator import Navigator, SavedNavigation
+from bluerov_slam.records import GpsFix, ImuBurst
 from bluerov_slam.simulation.dive import SimulatedDive
 
 if TYPE_CHECKING:
@@ -86,7 +87,21 @@ def navigate(
     """The navigator over the dive's records, some kinds left out."""
     left_out = tuple(without)
     records = (each for each in dive.records if not isinstance(each, left_out))
-    return run_navigator(records, Navigator(options), smooth)
+    return run_navigator(records, Navigator(options, saved_before(dive)), smooth)
+
+
+def saved_before(dive: Dive) -> SavedNavigation:
+    """What the user's calibrations before the dive left behind, nothing else.
+
+    The conditions state the compass errors that a magnetometer calibration leaves. So there was one; that it found the
+    right offset and shape is in those errors, and all that it still has to say is how long the field is in raw units.
+    """
+    first = next(record for record in dive.records if isinstance(record, ImuBurst))
+    norm = float(np.linalg.norm(first.magnetic_field_raw.astype(float), axis=1).mean())
+    rows = matrix(np.eye(3) / norm)
+    made = Provenance(math.nan, "", "before the simulated dive", 0)
+    calibration = Calibration(magnetometer=MagnetometerCalibration((0.0, 0.0, 0.0), rows, norm, made))
+    return SavedNavigation(at_s=0.0, calibration=calibration.to_json())
 
 
 def figures(dive: Dive, estimates: Estimates, origin_deg: tuple[float, float] | None) -> PathFigures:
