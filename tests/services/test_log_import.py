@@ -1,3 +1,4 @@
+import asyncio
 import csv
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from bluerov_slam.services.conversion import convert
 from bluerov_slam.services.log_import import import_log
 from bluerov_slam.sources.log_import import read_log
 from bluerov_slam.sources.recording_reader import open_recording
-from bluerov_slam.sources.replay import decode
+from bluerov_slam.sources.replay import ReplaySource, decode
 from log_samples import START_UNIX_S, DataflashLog, TelemetryLog
 from real_data import recording
 
@@ -74,6 +75,16 @@ def test_an_imported_session_converts_to_tables(telemetry, tmp_path):
     assert rows[1]["utc"].startswith("2023-11-14T22:13:20.1")
     with pytest.raises(RecordingError, match="holds no sonar data"):
         convert(folder, "xtf", tmp_path / "dive.xtf")
+
+
+async def test_an_imported_session_replays(telemetry, tmp_path):
+    recorded = open_recording(import_log(telemetry, tmp_path / "sessions").folder)
+    source, told = ReplaySource(recorded, None), []
+    source.on_vehicle = told.append
+    source.start(lambda _data, _at_s: None, lambda: None)
+    await asyncio.wait_for(source.finished.wait(), 60)
+    await source.stop()
+    assert [plain(record) for record in told] == [plain(record) for record in read_log(telemetry).records]
 
 
 def test_a_place_that_cannot_be_written_is_named_with_its_cure(telemetry):
