@@ -245,7 +245,7 @@ class MovingVehicle:
     ) -> WaterVelocity | None:
         """One interval under a command; None, and the state stays, where the command or the interval is no use.
 
-        With the angular rate the momentum turns with the body (a turn at 20 deg/s and 0.5 m/s slips 0.1 m/s sideways).
+        With the angular rate the momentum turns with the body (at 20 deg/s and 0.5 m/s it slips 0.13 m/s sideways).
         """
         commanded_n = self.model.force_frd(pwm_us, voltage_v)
         if commanded_n is None or not 0.0 < interval_s < math.inf:

@@ -172,7 +172,11 @@ def test_looks_towards_true_north_with_the_declination(kind: type[Madgwick] | ty
     assert to_euler(attitude.quaternion_ned_frd) == pytest.approx((0.0, 0.0, 0.2), abs=4e-3)
 
 
-@pytest.mark.parametrize("attitude", [Madgwick(), ThesisMadgwick(), Mahony()], ids=["madgwick", "thesis", "mahony"])
+@pytest.mark.parametrize(
+    "attitude",
+    [Madgwick(), ThesisMadgwick(), Mahony(), EkfAttitude(field_std_rad=100.0)],
+    ids=["madgwick", "thesis", "mahony", "ekf"],
+)
 def test_turns_by_the_rate_alone_while_nothing_else_is_usable(attitude: AttitudeFilter) -> None:
     attitude.initialise(IDENTITY)
     for force in ((0.0, 0.0, 0.0), (math.nan, 0.0, -9.8), (math.inf, 0.0, -9.8)):
@@ -182,7 +186,11 @@ def test_turns_by_the_rate_alone_while_nothing_else_is_usable(attitude: Attitude
     assert to_euler(attitude.quaternion_ned_frd) == pytest.approx((0.0, 0.0, 0.3), abs=2e-3)
 
 
-@pytest.mark.parametrize("attitude", [Madgwick(), ThesisMadgwick(), Mahony()], ids=["madgwick", "thesis", "mahony"])
+@pytest.mark.parametrize(
+    "attitude",
+    [Madgwick(), ThesisMadgwick(), Mahony(), EkfAttitude()],
+    ids=["madgwick", "thesis", "mahony", "ekf"],
+)
 def test_a_field_that_is_not_one_leaves_gravity_at_work(attitude: AttitudeFilter) -> None:
     for field in ((0.0, 0.0, 0.0), (math.nan, 0.0, 0.0), (math.inf, 1.0, 0.0)):
         attitude.initialise(from_euler(0.3, 0.0, 1.0))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bluerov_slam.navigation.attitude.filter import NO_BIAS, usable
+from bluerov_slam.navigation.attitude.filter import NO_BIAS, direction, usable
 from bluerov_slam.navigation.attitude.quaternion import IDENTITY, Quaternion, Vector, normalised
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.measurements import GravityDirection, MagneticField
@@ -97,20 +97,23 @@ class EkfAttitude:
         interval_s: float,
     ) -> Quaternion:
         """One sample."""
-        force = np.asarray(specific_force_frd_mps2, np.float64)
-        if not usable(angular_rate_frd_radps, interval_s) or not np.isfinite(force).all():
+        if not usable(angular_rate_frd_radps, interval_s):
             return self.quaternion_ned_frd
         ekf = self._filter
+        force = np.asarray(specific_force_frd_mps2, np.float64)
+        felt = bool(np.isfinite(force).all()) and bool(force.any())
+        if not felt:  # the rate alone: a vehicle at rest would feel this
+            force = -ekf.estimate.rotation_ned_frd[2] * ekf.process.earth.gravity_mps2
         now_s = ekf.at_s + interval_s
         rate = np.asarray(angular_rate_frd_radps, np.float64)
         ekf.predict_strapdown(ImuSample(now_s, interval_s, force, rate))
-        if now_s >= self._gravity_due_s:
+        if felt and now_s >= self._gravity_due_s:
             self._gravity_due_s = now_s + self._every_s[0]
             gravity_mps2 = ekf.process.earth.gravity_mps2
             ekf.update(GravityDirection(now_s, force, gravity_mps2, std_mps2=self._gravity_std_mps2))
             ekf.reset_block("position", np.zeros(3), _HELD_M)
             ekf.reset_block("velocity", np.zeros(3), _HELD_M)
-        if magnetic_field_frd is not None and now_s >= self._field_due_s:
+        if now_s >= self._field_due_s and magnetic_field_frd is not None and direction(magnetic_field_frd) is not None:
             self._field_due_s = now_s + self._every_s[1]
             ekf.update(MagneticField(now_s, magnetic_field_frd, self._declination_rad, self._field_std_rad))
         return self.quaternion_ned_frd
