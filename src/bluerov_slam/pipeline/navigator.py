@@ -353,7 +353,8 @@ class Navigator:
         if self._depth.bias_std_m < self._depth_bias_std_m:
             self._depth_bias_std_m = self._depth.bias_std_m
             timeline.buffer.reset_block("depth_bias", 0.0, self._depth_bias_std_m)
-        self._core.offer(Depth(reading.at_s, reading.depth_m, self.options.depth.std_m))
+        std_m = self.options.depth.std_m * self._core.book["depth"].noise_scale
+        self._core.offer(Depth(reading.at_s, reading.depth_m, std_m))
 
     def _catch_up(self, to_s: float, arrived_s: float) -> bool:
         """Move on to a record's instant where the IMU is silent; whether that was so."""

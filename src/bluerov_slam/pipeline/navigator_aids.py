@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NO_SENSOR = "prior"
-# A second without a measured velocity is nothing; after this the accelerometer's errors begin to show.
-VELOCITY_MISSED_AFTER_S = 3.0
+# The accelerometer bridges a few seconds without a measured velocity (thruster values come every four); after this its
+# errors show.
+VELOCITY_MISSED_AFTER_S = 6.0
 GRAVITY_PERIOD_S = 1.0
 GRAVITY_STD_MPS2 = 0.4
 LEVEL_PERIOD_S = 1.0

@@ -6,7 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from bluerov_slam.errors import ExpectedError
+from bluerov_slam.navigation.attitude.accelerometer_routine import AccelerometerRoutine
 from bluerov_slam.navigation.attitude.calibration import CalibrationError
+from bluerov_slam.navigation.attitude.gyro_routine import GyroRoutine
+from bluerov_slam.navigation.attitude.magnetometer_routine import MagnetometerRoutine
+from bluerov_slam.navigation.attitude.routine import InertialSample, RoutineState
 from bluerov_slam.pipeline.navigator_commands import CalibrationProgress
 from bluerov_slam.pipeline.navigator_position import align
 
@@ -22,8 +26,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# The routines follow.
-MAKERS: dict[str, Callable[[], Any]] = {}
+MAKERS: dict[str, Callable[[], Any]] = {
+    "gyro": GyroRoutine,
+    "accelerometer": AccelerometerRoutine,
+    "magnetometer": MagnetometerRoutine,
+}
 # The name of each result in `Calibration`.
 FIELDS = {"gyro": "gyro", "accelerometer": "accelerometer", "magnetometer": "magnetometer", "swing": "compass"}
 NEVER = "Never calibrated."
@@ -48,7 +55,7 @@ class Calibrations:
         forces = imu.mounted(record.acceleration_mps2).tolist()
         rates = imu.mounted(record.angular_rate_radps).tolist()
         for k, (force, rate, field) in enumerate(zip(forces, rates, field_raw.tolist(), strict=True)):
-            sample: Any = (record.measured_s + k * record.interval_s, tuple(rate), tuple(force), tuple(field))
+            sample = InertialSample(record.measured_s + k * record.interval_s, tuple(rate), tuple(force), tuple(field))
             for routine in self._running.values():
                 routine.feed(sample)
 
@@ -91,7 +98,7 @@ class Calibrations:
         residual, unit = (None, "") if made is None else (made.residual, made.unit)
         dated = None if made is None else made.made_unix_s
         if routine is not None:
-            state = "ready" if routine.state == "ready" else "running"
+            state = "ready" if routine.state is RoutineState.READY else "running"
             return CalibrationProgress(kind, state, routine.progress, routine.instruction, residual, unit, dated)
         state, text = ("none", NEVER) if made is None else ("done", MADE)
         return CalibrationProgress(kind, state, None, text, residual, unit, dated)

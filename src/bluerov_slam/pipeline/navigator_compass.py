@@ -83,7 +83,7 @@ class CompassIntake:
         disturbed = 0.0 if effort is None else self._options.throttle_std_rad * float(np.mean(effort))
         if calibration.thruster_field is not None:
             disturbed *= CORRECTED_SHARE
-        return math.hypot(self._options.std_rad, disturbed)
+        return math.hypot(self._options.std_rad * self._status.noise_scale, disturbed)
 
     def _raw_fault(self, record: ImuBurst) -> Fault | None:
         raw = record.magnetic_field_raw

@@ -28,8 +28,6 @@ FIX_WANDER = "fix_wander"
 OLDEST_FIX_S = 10.0
 # Beyond these a covariance is a mistake of whoever made it.
 STD_POSSIBLE_M = (0.01, 1000.0)
-# How fast the learned standard deviation follows what the filter finds: a few dozen fixes.
-LEARNING = 0.03
 DVL_INTERVAL_S = (0.01, 2.0)
 DVL_FASTEST_MPS = 6.0
 
@@ -76,7 +74,6 @@ class FixIntake:
         self._options = options
         self._status = status
         self._times = TimeWatch(OLDEST_FIX_S)
-        self._scale = 1.0
 
     def take(self, record: PositionFix) -> StatedFix | None:
         """A fix to be offered to the filter, None if it is none."""
@@ -99,17 +96,9 @@ class FixIntake:
         fix = Fix(record.measured_s - self._options.latency_s, record.arrived_s, *place, std_m)
         return StatedFix(fix, covariance)
 
-    def learn(self, nis: float, dof: int, accepted: bool, stated: bool) -> None:
-        """How well the last fix fitted, which is how the error of a source that states none is found out."""
-        if stated or not accepted:
-            return
-        low, high = (limit / self._options.std_m for limit in self._options.std_limits_m)
-        self._scale = min(max(self._scale * math.exp(LEARNING * (min(nis / dof, 4.0) - 1.0)), low), high)
-
     def _covariance(self, record: PositionFix) -> Array | None:
         if record.covariance_ne_m2 is None:
-            std_m = self._options.std_m * self._scale
-            return std_m * std_m * np.eye(2)
+            return self._options.std_m**2 * np.eye(2)
         north, both, east = record.covariance_ne_m2
         if not all_finite((north, both, east)):
             return None
@@ -151,7 +140,7 @@ class DvlIntake:
             self._status.refuse(Fault.IMPOSSIBLE, record.arrived_s)
             return None
         self._status.wait_for(None, record.arrived_s)
-        std_mps = math.hypot(self._options.std_mps, self._options.std_per_mps * speed)
+        std_mps = math.hypot(self._options.std_mps, self._options.std_per_mps * speed) * self._status.noise_scale
         rate = np.zeros(3) if angular_rate_frd_radps is None else angular_rate_frd_radps
         return GroundVelocity(
             measured_s - 0.5 * record.interval_s,

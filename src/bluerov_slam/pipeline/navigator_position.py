@@ -15,8 +15,6 @@ from bluerov_slam.pipeline.navigator_words import Fault, Wait
 from bluerov_slam.records import EventLevel
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from bluerov_slam.navigation.ekf import Measurement, UpdateResult
@@ -66,12 +64,8 @@ class Positions:
         white = stated.covariance_m2 * options.white_share**2 + _beyond(
             stated.covariance_m2, wander, options.white_share
         )
-        is_stated = record.covariance_ne_m2 is not None
-
-        def learn(result: UpdateResult) -> None:
-            self.fixes.learn(result.nis, result.dof, result.accepted, is_stated)
-
-        self._offer(stated.fix, "position", white, options.lever_arm_frd_m, learn)
+        white *= self._core.book["position"].noise_scale ** 2
+        self._offer(stated.fix, "position", white, options.lever_arm_frd_m)
 
     def _gps(self, fix: Fix | None) -> None:
         if fix is None:
@@ -80,6 +74,7 @@ class Positions:
         wander = options.std_m_per_hdop**2 * (1.0 - options.white_share**2)
         covariance = fix.std_m**2 * np.eye(2)
         white = covariance * options.white_share**2 + _beyond(covariance, wander, options.white_share)
+        white *= self._core.book["gps"].noise_scale ** 2
         self._offer(fix, "gps", white, options.lever_arm_frd_m)
 
     def _offer(
@@ -88,7 +83,6 @@ class Positions:
         source: str,
         white_m2: Array,
         lever_frd_m: tuple[float, float, float],
-        learn: Callable[[UpdateResult], None] | None = None,
     ) -> None:
         core = self._core
         if core.timeline is None:
@@ -103,8 +97,6 @@ class Positions:
         measurement: Measurement = position if wanders_like_gps else WanderingPosition(position)
 
         def done(result: UpdateResult) -> None:
-            if learn is not None:
-                learn(result)
             self._done(result, fix, source, (north_m, east_m), measurement)
 
         core.timeline.offer(measurement, done, gated=core.position_known)

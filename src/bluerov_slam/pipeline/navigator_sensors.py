@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,20 @@ REJECTED_IN_A_ROW = 3
 # A fault is shown for a moment, so that one bad value in a hundred can be read.
 SHOWN_S = 3.0
 NIS_WINDOW = 100
+# White noise differs from one installation to the next (vibration, waves, the sensor's copy). It is learned from the
+# innovations: the standard deviation of a sensor is multiplied by what brings its mean NIS to one, within limits. Slow
+# errors are states of their own and not meant; the lower limits keep them from being taken for precision.
+NOISE_LIMITS = {
+    "compass": (0.1, 4.0),
+    "depth": (0.2, 5.0),
+    "gps": (0.5, 3.0),
+    "position": (0.3, 4.0),
+    "thrust": (0.5, 3.0),
+    "dvl": (0.5, 4.0),
+}
+LEARNING = 0.015
+# One value tells no more than this, so that an outlier teaches nothing.
+MOST_TOLD = 4.0
 
 
 class SensorStatus:
@@ -32,6 +47,7 @@ class SensorStatus:
         self.rejected = 0
         self.refused = 0
         self.rejected_in_a_row = 0
+        self.noise_scale = 1.0
         self.wait: Wait | None = None
         self.faults: dict[Fault, int] = {}
         self._fault: Fault | None = None
@@ -65,6 +81,7 @@ class SensorStatus:
         self.used_s = at_s
         if nis is not None:
             self._nis.append((nis, dof))
+            self._learn(nis / dof)
 
     def reject(self, nis: float, dof: int) -> None:
         """A value contradicted the estimate."""
@@ -72,6 +89,8 @@ class SensorStatus:
         self.rejected_in_a_row += 1
         self.changed |= self.rejected_in_a_row == REJECTED_IN_A_ROW
         self._nis.append((nis, dof))
+        if self.rejected_in_a_row <= REJECTED_IN_A_ROW:
+            self._learn(nis / dof)
 
     def fault(self, now_s: float) -> Fault | None:
         """What was wrong within the last moment."""
@@ -95,6 +114,11 @@ class SensorStatus:
             nis_ratio=sum(nis for nis, _ in self._nis) / dof if dof else None,
             nis_count=count,
         )
+
+    def _learn(self, ratio: float) -> None:
+        low, high = NOISE_LIMITS.get(self.name, (1.0, 1.0))
+        scale = self.noise_scale * math.exp(LEARNING * (min(ratio, MOST_TOLD) - 1.0))
+        self.noise_scale = min(max(scale, low), high)
 
     def _trust(self, now_s: float) -> tuple[SensorTrust, str]:
         if self.heard_s is None:

@@ -65,7 +65,10 @@ class ThrustIntake:
         depth_m: float | None,
         angular_rate_frd_radps: Array | None,
     ) -> WaterVelocity | None:
-        """The velocity that the commands so far have led to. None where they say nothing about it."""
+        """The velocity that the commands so far have led to. None where they say nothing about it, or nothing new.
+
+        `angular_rate_frd_radps` None: there is no IMU, and with it nothing that bridges the time between two values.
+        """
         self._status.hear(record.arrived_s)
         fault = self._times.check(measured_s, record.arrived_s)
         if fault is Fault.REPEATED_TIME and not self._times.hangs:
@@ -100,11 +103,11 @@ class ThrustIntake:
             return None
         rate = None if angular_rate_frd_radps is None else angular_rate_frd_radps.tolist()
         velocity = self._vehicle.update(before, voltage_v, held_s, rate)
-        if velocity is None or measured_s - self._taken_s < self._options.period_s - 1e-3:
+        period_s = self._options.period_without_imu_s if rate is None else self._options.period_s
+        if velocity is None or measured_s - self._taken_s < period_s - 1e-3:
             return None
-        interval_s = min(max(self._options.period_s, measured_s - self._taken_s), 2.0)
         self._taken_s = measured_s
-        std_mps = self._options.noise_mps / math.sqrt(interval_s)
+        std_mps = self._options.noise_mps / math.sqrt(period_s) * self._status.noise_scale
         # Heave is left to the depth sensor, which knows it far better.
         return WaterVelocity(measured_s, velocity.velocity_frd_mps[:2], (std_mps, std_mps))
 
