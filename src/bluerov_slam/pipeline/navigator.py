@@ -254,6 +254,7 @@ class Navigator:
         heading = self._compass.burst(
             record, field_raw, core.calibration, effort, core.down_frd(), core.place.declination_rad
         )
+        self._actions.calibrations.feed_heading(heading)
         if not samples:
             return core.timeline is None or self._without_imu(record.measured_s, None)
         field = None if heading is None else np.asarray(heading.field_frd)
@@ -300,6 +301,7 @@ class Navigator:
         return self._without_imu(measured_s, self._imu.autopilot(record, measured_s))
 
     def _on_ctd(self, record: CtdSample) -> bool:
+        self._depth.latitude_deg = self._core.place.latitude_deg
         self._depth.water(record)
         self._aids.water(record)
         return False

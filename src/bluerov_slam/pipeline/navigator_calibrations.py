@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from bluerov_slam.errors import ExpectedError
 from bluerov_slam.navigation.attitude.accelerometer_routine import AccelerometerRoutine
@@ -11,15 +14,18 @@ from bluerov_slam.navigation.attitude.calibration import CalibrationError
 from bluerov_slam.navigation.attitude.gyro_routine import GyroRoutine
 from bluerov_slam.navigation.attitude.magnetometer_routine import MagnetometerRoutine
 from bluerov_slam.navigation.attitude.routine import InertialSample, RoutineState
+from bluerov_slam.navigation.attitude.swing_routine import TurnSwingRoutine
+from bluerov_slam.navigation.rotation import wrap_angle
 from bluerov_slam.pipeline.navigator_commands import CalibrationProgress
 from bluerov_slam.pipeline.navigator_position import align
+from bluerov_slam.pipeline.navigator_timeline import level_heading_rad
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
     from numpy.typing import NDArray
 
+    from bluerov_slam.navigation.measurements import MagneticField
     from bluerov_slam.pipeline.navigator_core import Core
     from bluerov_slam.pipeline.navigator_imu import ImuIntake
     from bluerov_slam.records import ImuBurst
@@ -30,6 +36,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "gyro": GyroRoutine,
     "accelerometer": AccelerometerRoutine,
     "magnetometer": MagnetometerRoutine,
+    "swing": TurnSwingRoutine,
 }
 # The name of each result in `Calibration`.
 FIELDS = {"gyro": "gyro", "accelerometer": "accelerometer", "magnetometer": "magnetometer", "swing": "compass"}
@@ -56,8 +63,19 @@ class Calibrations:
         rates = imu.mounted(record.angular_rate_radps).tolist()
         for k, (force, rate, field) in enumerate(zip(forces, rates, field_raw.tolist(), strict=True)):
             sample = InertialSample(record.measured_s + k * record.interval_s, tuple(rate), tuple(force), tuple(field))
-            for routine in self._running.values():
-                routine.feed(sample)
+            for kind, routine in self._running.items():
+                if kind != "swing":
+                    routine.feed(sample)
+
+    def feed_heading(self, heading: MagneticField | None) -> None:
+        """A compass value: what the magnetometer says, levelled by the filter, and how fast the heading turns."""
+        routine, timeline, rate = self._running.get("swing"), self._core.timeline, self._core.rate_frd_radps()
+        if routine is None or heading is None or timeline is None or rate is None:
+            return
+        rotation = timeline.filter.estimate.rotation_ned_frd
+        north, east, _ = (rotation @ np.asarray(heading.field_frd)).tolist()
+        compass_rad = level_heading_rad(timeline.filter) + heading.declination_rad - math.atan2(east, north)
+        routine.feed(heading.at_s, wrap_angle(compass_rad), float(rotation[2] @ rate))
 
     def start(self, kind: str) -> str:
         """Begin (anew); what the user does now."""

@@ -107,14 +107,15 @@ class CompassIntake:
         norm = float(np.sqrt(field @ field))
         if not (math.isfinite(norm) and norm > 0.0):
             return Fault.NOT_A_NUMBER
-        options, looser = self._options, 1.0 if calibrated else UNCALIBRATED_TOLERANCE
+        options = self._options
+        looser = 1.0 if calibrated or options.calibrated_in_sensor else UNCALIBRATED_TOLERANCE
         usual_norm = 1.0 if calibrated else self._usual(self._norms, norm)
         if abs(norm / usual_norm - 1.0) > options.norm_tolerance * looser:
             return Fault.MAGNETIC_STRENGTH
         if down_frd is None:
             return None
         dip = math.asin(max(-1.0, min(1.0, float(field @ down_frd) / norm)))
-        expected = self.expected_dip_rad if calibrated else None
+        expected = self.expected_dip_rad if looser == 1.0 else None
         usual_dip = self._usual(self._dips, dip) if expected is None else expected
         return Fault.MAGNETIC_DIP if abs(dip - usual_dip) > options.dip_tolerance_rad * looser else None
 

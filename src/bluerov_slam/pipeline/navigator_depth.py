@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
+from bluerov_slam.errors import OutOfValidityError
 from bluerov_slam.navigation.seawater import (
     SEA_WATER_DENSITY_KG_PER_M3,
     STANDARD_ATMOSPHERE_PA,
     STANDARD_GRAVITY_MPS2,
+    depth_m,
+    vehicle_depth,
 )
 from bluerov_slam.pipeline.navigator_watch import FrozenWatch, TimeWatch
 from bluerov_slam.pipeline.navigator_words import Fault
@@ -29,12 +32,12 @@ NEAR_SURFACE_M = 0.5
 FROZEN_AFTER_S = 5.0
 FROZEN_AT_LEAST = 12
 PRESSURE_POSSIBLE_PA = (50_000.0, 3.2e6)
-# Fresh to Dead Sea; what a CTD says beyond it is a fault of the CTD.
-DENSITY_POSSIBLE_KG_PER_M3 = (990.0, 1050.0)
-DENSITY_SMOOTHING = 0.02
-DENSITY_BELOW_M = 0.5
 # The vehicle's own depth is taken once the link has brought no pressure for so long.
 LINK_GONE_S = 5.0
+# A probe in the air reads no salt at all: only what is under water says what the water is.
+WATER_BELOW_M = 0.5
+WATER_SMOOTHING = 0.05
+USUAL_LATITUDE_DEG = 45.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +64,10 @@ class DepthIntake:
         self.zeroed_by_user = False
         self.zeroed_itself = surface_pressure_pa is not None
         self._zeroing_s: float | None = None
-        self.density_kg_per_m3 = SEA_WATER_DENSITY_KG_PER_M3
-        self.density_known = False
+        self.latitude_deg: float | None = None
+        self._water: tuple[float, float] | None = None
+        self._relative_std = options.density_relative_std
+        self._constant_density = False
 
     @property
     def newest_m(self) -> float | None:
@@ -78,29 +83,30 @@ class DepthIntake:
             return self._options.zeroed_bias_std_m
         return self._options.bias_std_m if self.zeroed_itself else self._options.unzeroed_bias_std_m
 
-    def scale_std_m(self, depth_m: float) -> float:
+    def scale_std_m(self, depth: float) -> float:
         """What an unknown density does to a depth."""
-        return 0.0 if self.density_known else self._options.density_relative_std * abs(depth_m)
+        return self._relative_std * abs(depth)
 
     def water(self, record: CtdSample) -> None:
-        """Density from the vehicle's own CTD."""
+        """Temperature and salinity from the vehicle's own CTD: what the water above weighs."""
         temperature, salinity = record.temperature_degc, record.salinity_psu
         if temperature is None or salinity is None or not math.isfinite(temperature + salinity):
             return
-        density = water_density_kg_per_m3(temperature, salinity)
-        low, high = DENSITY_POSSIBLE_KG_PER_M3
-        # A probe in the air reads no salt at all: only what is under water says what the water is.
-        if not low <= density <= high or record.depth_m is None or record.depth_m < DENSITY_BELOW_M:
+        if record.depth_m is None or record.depth_m < WATER_BELOW_M:
             return
-        if not self.density_known:
-            self.density_kg_per_m3, self.density_known = density, True
-        self.density_kg_per_m3 += DENSITY_SMOOTHING * (density - self.density_kg_per_m3)
+        if self._water is None:
+            self._water = (temperature, salinity)
+        before_t, before_s = self._water
+        self._water = (
+            before_t + WATER_SMOOTHING * (temperature - before_t),
+            before_s + WATER_SMOOTHING * (salinity - before_s),
+        )
 
     def sample(self, record: SensorSample) -> DepthReading | None:
         """The depth of one SENSORS frame, None where there is none to be used."""
         if record.pressure_pa is None:
             return None
-        self._link_s = record.arrived_s
+        self._link_s, self._constant_density = record.arrived_s, False
         return self._pressure(record.pressure_pa, record.measured_s, record.arrived_s)
 
     def vehicle(self, record: VehicleDepth, measured_s: float) -> DepthReading | None:
@@ -114,7 +120,9 @@ class DepthIntake:
         if self.surface_pressure_pa is None:
             # The vehicle zeroed it: any pressure serves as that of the surface.
             self.surface_pressure_pa, self.zeroed_itself = STANDARD_ATMOSPHERE_PA, True
-        pressure_pa = self.surface_pressure_pa + record.depth_m * self.density_kg_per_m3 * STANDARD_GRAVITY_MPS2
+        # By the autopilot's own constant density, and back by the same further down: its depth stays what it is.
+        self._constant_density = True
+        pressure_pa = self.surface_pressure_pa + record.depth_m * SEA_WATER_DENSITY_KG_PER_M3 * STANDARD_GRAVITY_MPS2
         # Logs round depths to decimetres: the same one for a while is no fault.
         return self._pressure(pressure_pa, measured_s, record.arrived_s, may_repeat=True)
 
@@ -148,9 +156,19 @@ class DepthIntake:
         return DepthReading(at_s, self.depth_m(pressure_pa))
 
     def depth_m(self, pressure_pa: float) -> float:
-        """Depth at a pressure, by constant density; the density is the mean of the water above the vehicle."""
+        """Depth at a pressure: by the vehicle's own water where it is known, else by the standard ocean."""
         assert self.surface_pressure_pa is not None
-        return (pressure_pa - self.surface_pressure_pa) / (self.density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+        if self._constant_density:
+            return float(depth_m(pressure_pa, self.surface_pressure_pa))
+        latitude_deg = USUAL_LATITUDE_DEG if self.latitude_deg is None else self.latitude_deg
+        temperature, salinity = self._water or (None, None)
+        try:
+            depth = vehicle_depth(pressure_pa, self.surface_pressure_pa, latitude_deg, temperature, salinity)
+        except OutOfValidityError:
+            self._relative_std = self._options.density_relative_std
+            return float(depth_m(pressure_pa, self.surface_pressure_pa))
+        self._relative_std = depth.relative_std
+        return depth.depth_m
 
     def zero_here(self) -> bool:
         """The user says that this is the surface. False: no pressure is known."""
@@ -178,12 +196,3 @@ class DepthIntake:
                 self._first.clear()
                 return
             self.surface_pressure_pa = median(pressure for _, pressure in self._first)
-
-
-def water_density_kg_per_m3(temperature_degc: float, salinity_psu: float) -> float:
-    """Density of the upper tens of metres, within 0.1 % of the equation of state for 0 to 35 degC and 0 to 42 PSU.
-
-    Check: 10 degC, 35 PSU -> 1027 kg/m3 (EOS-80: 1026.95); 20 degC, 0 PSU -> 998.2 (998.21).
-    """
-    fresh = 1000.0 - 0.0051 * (temperature_degc - 4.0) ** 2 * (1.0 + 0.006 * (20.0 - temperature_degc))
-    return fresh + salinity_psu * (0.802 - 0.002 * (temperature_degc - 10.0))

@@ -52,7 +52,9 @@ class CompassOptions:
     std_rad: float = math.radians(1.0)
     # [survey] 3 deg in total over A, B, C after a calibration.
     deviation_std_rad: Vector = (math.radians(1.75), math.radians(1.75), math.radians(1.75))
-    # [choice] without one: hard iron of a tenth to a fifth of the horizontal field.
+    # The sensor was calibrated with its maker's program and holds the result itself: no calibration of ours is needed.
+    calibrated_in_sensor: bool = False
+    # [choice] without any: hard iron of a tenth to a fifth of the horizontal field.
     uncalibrated_deviation_std_rad: Vector = (math.radians(5.0), math.radians(12.0), math.radians(12.0))
     swung_std_rad: float = math.radians(0.5)  # [choice] what a compass swing leaves beside its own stated error
     deviation_walk_rad: float = 2e-5

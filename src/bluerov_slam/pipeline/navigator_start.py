@@ -147,7 +147,7 @@ def compass_prior(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Deviation A, B, C and their standard deviations before anything was seen."""
     values, std = (0.0, 0.0, 0.0), options.compass.uncalibrated_deviation_std_rad
-    if calibration.magnetometer is not None:
+    if calibration.magnetometer is not None or options.compass.calibrated_in_sensor:
         std = options.compass.deviation_std_rad
     if calibration.compass is not None:
         swing = calibration.compass
