@@ -5,7 +5,15 @@ import math
 import pytest
 
 from bluerov_slam.pipeline.navigator import Navigator
-from bluerov_slam.records import NavState, SensorTrust, VehicleAttitude, VehicleDepth, VehicleRange
+from bluerov_slam.records import (
+    NavMode,
+    NavState,
+    PositionFix,
+    SensorTrust,
+    VehicleAttitude,
+    VehicleDepth,
+    VehicleRange,
+)
 from pipeline.navigator_records import sensor_sample
 
 SURFACE_PA = 101_500.0
@@ -67,3 +75,22 @@ def test_a_height_is_shown_while_it_is_new():
     assert shown[-1].altitude_m == 3.25
     later = [s for step in range(100) for s in navigator.feed(attitude(10.4 + step * 0.2)) if isinstance(s, NavState)]
     assert later[-1].altitude_m is None
+
+
+def test_fixes_alone_make_a_track():
+    navigator = Navigator()
+    states: list[NavState] = []
+    for step in range(240):
+        at_s = 100.0 + step * 0.5
+        place = (48.1 + 0.3 * at_s / 111_195.0, -4.5)
+        fix = PositionFix(at_s, at_s + 0.1, "acoustics", *place, (1.0, 0.0, 1.0), 3.0)
+        states += [result for result in navigator.feed(fix) if isinstance(result, NavState)]
+    assert states[0].measured_s > 109.0
+    last = states[-1]
+    assert last.mode is NavMode.AIDED
+    assert last.velocity_ned_mps is not None
+    assert last.velocity_ned_mps[:2] == pytest.approx((0.3, 0.0), abs=0.15)
+    assert last.quaternion_ned_frd is None
+    assert last.depth_m is None
+    late = [result for result in navigator.feed(attitude(221.0)) if isinstance(result, NavState)]
+    assert late

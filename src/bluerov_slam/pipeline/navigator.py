@@ -77,6 +77,8 @@ __all__ = [
 # The IMU's own angles, or the autopilot's, are taken once the better source has been silent for so long.
 BURSTS_GONE_S = 2.0
 LINK_IMU_GONE_S = 5.0
+# Positions alone begin a track when no attitude has come for so long.
+FIXES_ALONE_AFTER_S = 10.0
 # After a longer silence the attitude is found anew from gravity and field.
 REALIGN_AFTER_S = 5.0
 
@@ -311,6 +313,10 @@ class Navigator:
         return self._catch_up(record.measured_s, record.arrived_s)
 
     def _on_fix(self, record: PositionFix) -> bool:
+        assert self._first_s is not None
+        if self._core.timeline is None and record.arrived_s - self._first_s > FIXES_ALONE_AFTER_S:
+            # Nobody tells an attitude; the fixes alone make a track all the same.
+            self._begin(Start.upright(record.measured_s))
         self._positions.fix(record)
         return self._catch_up(record.measured_s, record.arrived_s)
 

@@ -34,6 +34,7 @@ START_AT_LEAST = 3
 LEAST_TILT_STD_RAD = math.radians(1.5)
 # Before the first heading. Not larger: what follows is linear.
 UNKNOWN_HEADING_STD_RAD = 1.0
+UPRIGHT_STD_RAD = math.radians(15.0)
 UNKNOWN_POSITION_STD_M = 1000.0
 UNKNOWN_DEPTH_STD_M = 10.0  # the first pressure says it at once
 UNKNOWN_VELOCITY_STD_MPS = 0.5
@@ -78,6 +79,11 @@ class Start:
         """As a sensor that estimates its attitude itself has it."""
         rotation = rotation_from_euler(angles.roll_rad, angles.pitch_rad, angles.heading_rad or 0.0)
         return cls(angles.at_s, rotation, max(angles.tilt_std_rad, LEAST_TILT_STD_RAD))
+
+    @classmethod
+    def upright(cls, at_s: float) -> Start:
+        """Without any sensor of attitude: an ROV floats upright."""
+        return cls(at_s, np.eye(3), UPRIGHT_STD_RAD)
 
 
 class StartUp:

@@ -103,12 +103,14 @@ def in_short(summary: dict[str, Any]) -> list[str]:
             "only attitude, depth and what else the sensors told."
         )
         return sentences
-    sentences.append(
-        f"For {duration_words(aided)} ({_share(aided, total)}) the position was held by fixes; for "
-        f"{duration_words(reckoned)} ({_share(reckoned, total)}) it was dead reckoned: carried on from heading and "
-        "speed, with an error that grows. The longest such stretch was "
-        f"{duration_words(summary['longest_dead_reckoning_s'])}."
-    )
+    held = f"For {duration_words(aided)} ({_share(aided, total)}) the position was held by fixes"
+    if reckoned:
+        held += (
+            f"; for {duration_words(reckoned)} ({_share(reckoned, total)}) it was dead reckoned: carried on from heading "
+            f"and speed, with an error that grows. The longest such stretch was "
+            f"{duration_words(summary['longest_dead_reckoning_s'])}"
+        )
+    sentences.append(f"{held}.")
     error = summary["error_95_m"]["smoothed"] or summary["error_95_m"]["live"]
     if error["median"] is not None:
         sentences.append(
