@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
+import math
 import os
 import signal
 from pathlib import Path
@@ -11,10 +13,12 @@ from pathlib import Path
 import aiohttp
 import pytest
 
+from bluerov_slam.records import NavState, SensorSample
 from bluerov_slam.services.extension import Extension
 from bluerov_slam.services.settings_store import SettingsStore
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import ReplaySource, decoder_for
+from fake_autopilot import fly
 from patience import PATIENCE_S
 from running_extension import Running, open_store, running_extension, running_simulator, serial_port
 from simulated_dive import record_dive
@@ -180,6 +184,59 @@ async def test_a_replay_navigates_too_keeps_nothing_and_sends_nothing(tmp_path):
         await extension.stop()
     assert "ODOMETRY" not in extension.mavlink.counters()["sent"]
     assert not list((tmp_path / "state").glob("navigation*.json"))
+
+
+async def test_a_replay_as_fast_as_can_be_leaves_nothing_out_of_navigation(tmp_path):
+    session, _, records = record_dive(tmp_path / "recordings", 60.0)
+    recording = open_recording(session)
+    source = ReplaySource(recording, None)
+    extension = Extension(open_store(tmp_path / "state"), source, decoder=decoder_for(recording), navigator=PLAUSIBLE)
+    states = []
+    extension.hub.subscribe(states.append, NavState)
+    await extension.start()
+    try:
+        await asyncio.wait_for(source.finished.wait(), PATIENCE_S)
+        samples = sum(isinstance(record, SensorSample) for record in records)
+        assert samples > 100
+        async with asyncio.timeout(PATIENCE_S):
+            while len(states) < samples:
+                await asyncio.sleep(0.02)
+        assert extension.navigation.process.facts().dropped == 0
+    finally:
+        await extension.stop()
+
+
+async def test_the_estimators_position_reaches_the_autopilot_and_is_the_pages(tmp_path):
+    """Everything real but the autopilot: bytes of the virtual ESP32, the navigator in its process, datagrams."""
+    autopilot = await fly()
+    settings = {
+        "mavlink__enabled": True, "mavlink__target_port": autopilot.port, "navigation__odometry_enabled": True,
+        "navigation__odometry_when_simulated": True, "navigation__odometry_max_std_m": 100.0,
+    }  # fmt: skip
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), simulated=True, **settings) as running,
+    ):
+        data = await running.until("/api/navigation", lambda data: data["odometry"]["sent"] >= 10)
+        assert data["odometry"]["text"] == "Position goes to the autopilot"
+        assert autopilot.dropped_frames == 0
+        assert autopilot.origin == pytest.approx(
+            [data["origin"][key] * 1e7 for key in ("latitude_deg", "longitude_deg")], abs=1
+        )
+        taken = autopilot.odometry[-1]
+        north_m, east_m, _ = taken.position_ned_m
+        assert math.hypot(north_m - data["position"]["north_m"], east_m - data["position"]["east_m"]) < 3.0
+        times = [entry.message.time_usec for entry in autopilot.odometry]
+        gaps_s = [(b - a) * 1e-6 for a, b in itertools.pairwise(times)]
+        assert sorted(gaps_s)[len(gaps_s) // 2] == pytest.approx(0.2, abs=0.051)
+        rows = await running.get("/api/navigation/autopilot")
+        assert {row["name"]: row["current"] for row in rows}["EK3_SRC1_POSXY"] == 3.0
+        body = {"action": "set_parameters"}
+        status, answer = await running.call("POST", "/api/navigation/autopilot", json=body)
+        assert (status, "confirm" in answer["error"], autopilot.writes) == (400, True, [])
+        status, answer = await running.call("POST", "/api/navigation/autopilot", json=body | {"confirm": True})
+        assert (status, answer["ok"], len(autopilot.writes)) == (200, True, 4)
+    autopilot.transport.close()
 
 
 async def test_a_simulated_vehicle_leaves_the_real_ones_state_alone(tmp_path):

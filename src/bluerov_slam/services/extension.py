@@ -131,6 +131,8 @@ class Extension:
             odometry=self.vehicle.odometry,
             on_change=lambda: self.status.glance(),
         )
+        if isinstance(source, ReplaySource):
+            source.is_too_fast = self.navigation.process.is_behind
         self.viewer_link = self._make_viewer_link(settings)
         self.status = self._make_status()
         self.sensors = SensorFeed(

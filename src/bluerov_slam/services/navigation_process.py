@@ -123,6 +123,11 @@ class NavigationProcess:
             self._error,
         )
 
+    def is_behind(self) -> bool:
+        """Whether a replay should wait for it; a link cannot."""
+        alive = self._state in (WorkerState.STARTING, WorkerState.RUNNING)
+        return alive and self._queue is not None and len(self._queue) > QUEUE_LENGTH // 2
+
     def start(self) -> None:
         """Begin, if it is not running already."""
         if self._task is not None:

@@ -23,6 +23,8 @@ _BATCH = 256
 _SHORTEST_WAIT_S = 0.002
 # Without a pace, the event loop gets its turn after this many blocks.
 _TURN = 16
+# Who cannot keep up with a replay is given this much time, again and again.
+_BREATH_S = 0.005
 
 
 def decoder_for(recording: Recording) -> LinkDecoder:
@@ -71,6 +73,7 @@ class ReplaySource:
         self._origin: tuple[float, float] | None = None
         self.finished = asyncio.Event()
         self.on_vehicle: Callable[[Record], None] = lambda _record: None
+        self.is_too_fast: Callable[[], bool] = lambda: False
 
     def now_s(self) -> float:
         """The recording's own clock: where the replay stands, going on in real time once it has ended."""
@@ -129,6 +132,8 @@ class ReplaySource:
             await self._wait_for(received.arrived_s)
             if number % _TURN == 0:
                 await asyncio.sleep(0)
+                while self.is_too_fast():  # noqa: ASYNC110  nobody would set an event: it is a look at a queue
+                    await asyncio.sleep(_BREATH_S)
             self._position_s = max(self._position_s, received.arrived_s)
             if isinstance(received, LinkBytes):
                 on_data(received.data, received.arrived_s)
