@@ -106,8 +106,8 @@ def in_short(summary: dict[str, Any]) -> list[str]:
     held = f"For {duration_words(aided)} ({_share(aided, total)}) the position was held by fixes"
     if reckoned:
         held += (
-            f"; for {duration_words(reckoned)} ({_share(reckoned, total)}) it was dead reckoned: carried on from heading "
-            f"and speed, with an error that grows. The longest such stretch was "
+            f"; for {duration_words(reckoned)} ({_share(reckoned, total)}) it was dead reckoned: carried on from "
+            "heading and speed, with an error that grows. The longest such stretch was "
             f"{duration_words(summary['longest_dead_reckoning_s'])}"
         )
     sentences.append(f"{held}.")
