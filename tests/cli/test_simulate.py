@@ -46,6 +46,8 @@ def test_takes_a_scenario_from_toml_or_json(tmp_path: Path) -> None:
         (("--xtf", "/no/such.xtf"), "No such file"),
         (("--tlog", "/no/such.tlog"), "No such file"),
         (("--tlog-only",), "needs --tlog"),
+        (("--autopilot", "127.0.0.1:14402", "--xtf", "any.xtf"), "goes neither with --xtf"),
+        (("--autopilot", "nowhere"), "--autopilot 'nowhere': expected HOST:PORT"),
     ],
 )
 def test_a_wrong_argument_is_named(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:

@@ -74,15 +74,21 @@ class InstrumentErrors:
         each_rad = conditions.compass_total_rad / math.sqrt(3.0)
         a, b, c = np.clip(draw(3), -2.5, 2.5) * each_rad
         level_nt = float(np.hypot(field_ned_nt[0], field_ned_nt[1]))
-        self.hard_iron_nt = np.array((-c * level_nt, -b * level_nt, _VERTICAL_IRON_NT * float(draw()[0])))
+        # Iron turns with the vehicle, against a field that A and the declination have turned.
+        turned = float(a) - math.atan2(field_ned_nt[1], field_ned_nt[0])
+        cos_t, sin_t = math.cos(turned), math.sin(turned)
+        vertical_nt = _VERTICAL_IRON_NT * float(draw()[0])
+        self.hard_iron_nt = np.array(
+            (-level_nt * (b * sin_t + c * cos_t), -level_nt * (b * cos_t - c * sin_t), vertical_nt)
+        )
         self.soft_iron = np.eye(3)
         if conditions.heavy_tails:
             self.soft_iron = self.soft_iron + _symmetric(draw, 0.008)
         if raw:
             self.hard_iron_nt = _RAW_HARD_IRON_NT * draw(3)
             self.soft_iron = np.eye(3) + _symmetric(draw, _RAW_SOFT_IRON)
-        hard_iron = self.hard_iron_nt / level_nt
-        self.deviation = CompassDeviation(float(a), -float(hard_iron[1]), -float(hard_iron[0]))
+        ahead, aside = (self.hard_iron_nt[:2] / level_nt).tolist()
+        self.deviation = CompassDeviation(float(a), -aside * cos_t - ahead * sin_t, aside * sin_t - ahead * cos_t)
         self.field_per_ampere_nt = conditions.thruster_field_nt_per_a * draw(3)
         self._wander = GaussMarkov(rng, (conditions.compass_wander_rad,), _COMPASS_WANDER_S)
         self._gyro_instability = GaussMarkov(rng, (size * _GYRO_INSTABILITY_RADPS,) * 3, _GYRO_INSTABILITY_S)

@@ -96,7 +96,7 @@ class VirtualAutopilot:
     def _make_block(self, start_s: float, end_s: float) -> None:
         """All messages measured in this span."""
         self._attitudes(np.arange(start_s + 0.02, end_s, _ATTITUDE_S))
-        for at_s in np.arange(start_s + 0.05, end_s, _SERVO_S).tolist():
+        for at_s in np.arange(start_s + 0.06, end_s, _SERVO_S).tolist():
             self._servo_output(at_s)
         for at_s in np.arange(start_s + 0.5, end_s, _SLOW_S).tolist():
             self._slow(at_s)
