@@ -258,7 +258,7 @@ class Navigator:
         )
         self._actions.calibrations.feed_heading(heading)
         if not samples:
-            return core.timeline is None or self._without_imu(record.measured_s, None)
+            return core.timeline is None or self._without_imu(record.arrived_s, None)
         field = None if heading is None else np.asarray(heading.field_frd)
         if core.timeline is None:
             for sample in samples:
@@ -379,6 +379,7 @@ class Navigator:
                 return True
             self._begin(Start.of_angles(angles))
         assert core.timeline is not None
+        to_s = min(to_s, core.now_s)
         if angles is None and to_s - core.motion_s < options.silent_after_s:
             return False
         walk = options.kinematic_attitude_walk_rad

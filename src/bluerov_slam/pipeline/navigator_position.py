@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from bluerov_slam.navigation.process import Earth
 from bluerov_slam.pipeline.navigator_fix import FixIntake, WanderingPosition
 from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence
 from bluerov_slam.pipeline.navigator_start import UNKNOWN_HEADING_STD_RAD, UNKNOWN_POSITION_STD_M, compass_prior
+from bluerov_slam.pipeline.navigator_timeline import Snapped
 from bluerov_slam.pipeline.navigator_words import Fault, Wait
 from bluerov_slam.records import EventLevel
 
@@ -96,9 +98,7 @@ class Positions:
         position = HorizontalPosition(fix.at_s, north_m, east_m, white_m2, source, lever_frd_m, wanders_like_gps)
         measurement: Measurement = position if wanders_like_gps else WanderingPosition(position)
 
-        def done(result: UpdateResult) -> None:
-            self._done(result, fix, source, (north_m, east_m), measurement)
-
+        done = partial(self._done, fix=fix, source=source, place_ne_m=(north_m, east_m), measurement=measurement)
         core.timeline.offer(measurement, done, gated=core.position_known)
 
     def _done(
@@ -137,7 +137,8 @@ class Positions:
         core.timeline.shift_ne_m[1] += place_ne_m[1] - east
         buffer.add_uncertainty("velocity", (REACQUIRED_VELOCITY_STD_MPS, REACQUIRED_VELOCITY_STD_MPS, 0.0))
         buffer.add_uncertainty("current", REACQUIRED_CURRENT_STD_MPS)
-        core.timeline.offer(measurement, core.account, gated=False)
+        # As of now: at its own instant it would come before the reset.
+        core.timeline.offer(Snapped(measurement, core.timeline.at_s), core.account, gated=False)
         core.last_fix_s = core.timeline.at_s
         core.reset_counter += 1
         for persistence in self._persistence.values():
