@@ -118,6 +118,12 @@ def surge_and_sway(truth: NavEstimate) -> WaterVelocity:
     return WaterVelocity(1.0, np.asarray(thrust(truth).velocity_frd_mps)[:2], 0.05)
 
 
+def steady_thrust(truth: NavEstimate) -> WaterVelocity:
+    """The steady part is the velocity itself here, else the Jacobian would not be the derivative: that is its point."""
+    velocity = np.asarray(thrust(truth).velocity_frd_mps)
+    return WaterVelocity(1.0, velocity, 0.05, steady_frd_mps=velocity[:2])
+
+
 def dvl(truth: NavEstimate) -> GroundVelocity:
     body = truth.rotation_ned_frd.T @ truth.velocity_ned_mps + np.cross(true_rate(truth), LEVER)
     scale, yaw = value(truth, "dvl")
@@ -141,7 +147,8 @@ def known_current(truth: NavEstimate) -> BlockValue:
 SENSORS: dict[str, Callable[[NavEstimate], object]] = {
     function.__name__: function
     for function in (
-        gps, external, gps_velocity, depth, compass, field, gravity, angles, tilt, thrust, surge_and_sway, dvl,
+        gps, external, gps_velocity, depth, compass, field, gravity, angles, tilt, thrust, surge_and_sway,
+        steady_thrust, dvl,
         no_motion, no_turn, known_current,
     )
 }  # fmt: skip
@@ -231,6 +238,12 @@ def test_a_compass_error_of_roll_reaches_the_heading_through_the_dip():
     by_roll = field(estimate).evaluate(estimate, FULL).jacobian[0, 6]
     assert by_roll == pytest.approx(-math.tan(DIP) * math.cos(DECLINATION))
     assert compass(estimate).evaluate(estimate, FULL).jacobian[0, 6] == 0.0
+
+
+def test_the_thrusts_scale_is_learned_from_the_steady_part():
+    estimate = NavEstimate(FULL, 0.0)
+    innovation = WaterVelocity(0.0, (0.5, 0.1), 0.05, steady_frd_mps=(0.4, 0.0)).evaluate(estimate, FULL)
+    np.testing.assert_array_equal(innovation.jacobian[:, FULL["thrust_scale"]], [[-0.4, 0.0], [0.0, 0.0]])
 
 
 def test_a_dvl_mounted_to_starboard_sees_a_forward_run_to_port():

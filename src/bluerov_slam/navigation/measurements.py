@@ -247,13 +247,15 @@ class SensorAngles:
 class WaterVelocity:
     """Velocity through the water (m/s, FRD) as a vehicle model has it: surge, sway and, if known, heave.
 
-    True velocity through water = (1 + thrust_scale) x the model's. The current has no vertical part.
+    True velocity through water = (1 + thrust_scale) x the model's. The current has no vertical part. `steady_frd_mps`
+    (2,) is what the scale is learned from (`steady_velocity` says why); without it, the velocity itself.
     """
 
     at_s: float
     velocity_frd_mps: ArrayLike  # (2,) or (3,)
     std_mps: ArrayLike  # of each component
     sensor: str = "thrust"
+    steady_frd_mps: ArrayLike | None = None
 
     def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
         """(1 + s) u = R' (v - current)."""
@@ -272,7 +274,8 @@ class WaterVelocity:
         if "thrust_scale" in layout:
             place = layout["thrust_scale"]
             scaled[:2] *= 1.0 + estimate.values[place]
-            jacobian[0, place.start], jacobian[1, place.start + 1] = -model[0], -model[1]
+            steady = model if self.steady_frd_mps is None else np.asarray(self.steady_frd_mps, dtype=np.float64)
+            jacobian[0, place.start], jacobian[1, place.start + 1] = -steady[0], -steady[1]
         std = np.broadcast_to(np.asarray(self.std_mps, dtype=np.float64), (count,))
         return Innovation(scaled - rotation_frd_ned @ through_water_ned, jacobian, np.diag(std * std))
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from bluerov_slam.navigation.measurements import WaterVelocity
+from bluerov_slam.navigation.steady_velocity import SteadyVelocity
 from bluerov_slam.navigation.vehicle_model import BLUEROV2, PWM_STOP_US, MovingVehicle, ThrustModel
 from bluerov_slam.pipeline.navigator_watch import TimeWatch
 from bluerov_slam.pipeline.navigator_words import Fault, Wait
@@ -37,6 +38,7 @@ class ThrustIntake:
         self._status = status
         self._model = model or ThrustModel(options.layout or BLUEROV2)
         self._vehicle = MovingVehicle(self._model)
+        self._steady = SteadyVelocity()
         self._times = TimeWatch(2.0)
         self._pwm_us: tuple[int, ...] | None = None
         self._pwm_s = -math.inf
@@ -109,7 +111,9 @@ class ThrustIntake:
         self._taken_s = measured_s
         std_mps = self._options.noise_mps / math.sqrt(period_s) * self._status.noise_scale
         # Heave is left to the depth sensor, which knows it far better.
-        return WaterVelocity(measured_s, velocity.velocity_frd_mps[:2], (std_mps, std_mps))
+        surge_sway = velocity.velocity_frd_mps[:2]
+        steady = self._steady.before(measured_s, surge_sway)
+        return WaterVelocity(measured_s, surge_sway, (std_mps, std_mps), steady_frd_mps=steady)
 
     def _swims(self, at_s: float, depth_m: float | None) -> bool:
         if self._ran_s is None:
