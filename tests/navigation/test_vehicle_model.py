@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bluerov_slam.navigation.attitude.quaternion import IDENTITY, rotate, turned
 from bluerov_slam.navigation.vehicle_model import (
     BLUEROV2,
     BLUEROV2_HEAVY,
     T200,
+    Hull,
     MovingVehicle,
     ThrustModel,
     scale_jacobian,
@@ -223,3 +225,17 @@ def test_effort_is_the_share_of_full_current() -> None:
     assert effort is not None
     assert effort == pytest.approx([0.0, 0.0, 1.0, 1.0, (172 / 372) ** 2, (172 / 372) ** 2])
     assert ThrustModel().effort([1500, 1520]) is None
+
+
+def test_without_drag_the_momentum_stays_where_it_points() -> None:
+    """Turning about a skew axis: the velocity in the world is the same at the end (next to no drag, no added mass)."""
+    nothing = (1e-9,) * 3
+    hull = Hull(added_mass_kg=(0.0,) * 3, linear_drag_npmps=nothing, quadratic_drag_npm2ps2=nothing)
+    moving = MovingVehicle(ThrustModel(hull=hull))
+    moving.reset((0.5, -0.2, 0.3))
+    rate, steps, interval_s = np.array([0.3, -0.5, 0.7]), 4000, 0.0005
+    for _ in range(steps):
+        state = moving.update(STOP, 16.0, interval_s, tuple(rate))
+    assert state is not None
+    attitude = turned(IDENTITY, tuple(rate * steps * interval_s))
+    assert rotate(attitude, tuple(state.velocity_frd_mps)) == pytest.approx((0.5, -0.2, 0.3), abs=1e-3)
