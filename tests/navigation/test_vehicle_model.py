@@ -142,6 +142,9 @@ def test_without_a_voltage_the_error_is_wider() -> None:
     assert unknown is not None
     assert unknown.velocity_frd_mps == pytest.approx(known.velocity_frd_mps)
     assert unknown.std_mps[0] > known.std_mps[0]
+    model = ThrustModel()
+    relative = model.force_std_n(np.array([1000.0, 0.0, 0.0]), None)[0] / 1000.0
+    assert relative == pytest.approx(math.hypot(0.10, 1.16 * 1.5 / 16.0), rel=1e-3)
 
 
 def test_the_error_is_what_wrong_forces_do_to_the_speed() -> None:
@@ -154,6 +157,8 @@ def test_the_error_is_what_wrong_forces_do_to_the_speed() -> None:
         wrong = force + model.force_std_n(force, 16.0) * random.normal(size=(4000, 3))
         speeds = np.array([model.steady_velocity(f) for f in wrong]) + random.normal(0.0, 0.03, (4000, 3))
         rms = np.sqrt(((speeds - model.steady_velocity(force)) ** 2).mean(axis=0))
+        less = model.steady_velocity(force) - model.steady_velocity(force - model.force_std_n(force, 16.0))
+        assert (stated >= less).all()
         assert (stated > 0.9 * rms).all()
         assert (stated < 1.5 * rms).all()
 
