@@ -8,20 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from bluerov_slam.navigation.attitude.calibration import (
-    Calibration,
-    CalibrationError,
-    GyroCalibration,
-    MagnetometerCalibration,
-    Provenance,
-)
-from bluerov_slam.navigation.attitude.routine import InertialSample, RoutineState
-from bluerov_slam.navigation.attitude.swing_routine import (
-    CourseSwingRoutine,
-    InertialSwingRoutine,
-    TurnSwingRoutine,
-)
-from inertial_samples import FIELD_NED, samples_of
+from bluerov_slam.navigation.attitude.calibration import CalibrationError
+from bluerov_slam.navigation.attitude.routine import RoutineState
+from bluerov_slam.navigation.attitude.swing_routine import CourseSwingRoutine, TurnSwingRoutine
 
 DEGREE = math.radians(1.0)
 
@@ -113,47 +102,6 @@ def test_turns_that_make_no_sense_are_refused(abc: tuple[float, float, float], n
     turn(routine, abc=abc, noise_rad=noise_deg * DEGREE)
     with pytest.raises(CalibrationError, match=word):
         routine.finish()
-
-
-MADE = Provenance(residual=1.0, unit="", source="test", samples=1)
-MAGNETOMETER = MagnetometerCalibration(
-    (50.0, -20.0, 80.0), ((0.0025, 0, 0), (0, 0.0025, 0), (0, 0, 0.0025)), 400.0, MADE
-)
-
-
-def test_inertial_samples_of_a_rocking_turn_give_the_iron_that_is_left() -> None:
-    """A hard iron of 4 % of the field to the bow that no calibration saw is B = 0, C = -asin(0.04 / horizontal)."""
-    calibration = Calibration(gyro=GyroCalibration((0.01, 0.0, -0.01), (1e-4,) * 3, MADE), magnetometer=MAGNETOMETER)
-    routine = InertialSwingRoutine(calibration)
-    samples = samples_of(lambda t: (0.1 * math.sin(0.9 * t), 0.07 * math.sin(0.6 * t), 0.17 * t), 78.0, rate_hz=20.0)
-    random = np.random.default_rng(5)
-    left = np.array([0.04, 0.0, 0.0])
-    for k in range(len(samples)):
-        field = (samples.field[k] + left) / 0.0025 + np.array([50.0, -20.0, 80.0]) + random.normal(0.0, 2.0, 3)
-        rate = samples.rate[k] + np.array([0.01, 0.0, -0.01]) + random.normal(0.0, 0.001, 3)
-        force = samples.force[k] + random.normal(0.0, 0.05, 3)
-        routine.feed(InertialSample(0.05 * k, tuple(rate), tuple(force), tuple(field)))
-    assert routine.state is RoutineState.READY
-    found = routine.finish()
-    assert found.b_rad == pytest.approx(0.0, abs=0.4 * DEGREE)
-    assert found.c_rad == pytest.approx(-0.04 / FIELD_NED[0], abs=0.4 * DEGREE)
-    noise_deg = math.degrees(2.0 * 0.0025 / FIELD_NED[0])
-    assert found.made.residual == pytest.approx(noise_deg, rel=0.1)
-
-
-def test_inertial_swing_needs_a_calibrated_magnetometer_that_is_heard() -> None:
-    routine = InertialSwingRoutine(Calibration())
-    assert "magnetometer first" in routine.instruction
-    with pytest.raises(CalibrationError, match="magnetometer first"):
-        routine.finish()
-    routine = InertialSwingRoutine(Calibration(magnetometer=MAGNETOMETER))
-    for k in range(200):
-        routine.feed(InertialSample(0.05 * k, (0.0, 0.0, 0.2), (0.0, 0.0, -9.8), None))
-    assert "not heard" in routine.instruction
-    assert routine.progress == 0.0
-    routine.feed(InertialSample(20.0, (math.nan, 0.0, 0.2), (0.0, 0.0, -9.8), (1.0, 2.0, 3.0)))
-    routine.feed(InertialSample(20.0, (0.0, 0.0, 0.2), (0.0, 0.0, 0.0), (1.0, 2.0, 3.0)))
-    assert routine.progress == 0.0
 
 
 def drive(

@@ -14,17 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bluerov_slam.navigation.attitude import least_squares
-from bluerov_slam.navigation.attitude.calibration import (
-    Calibration,
-    CalibrationError,
-    CompassCalibration,
-    Provenance,
-    vector,
-)
-from bluerov_slam.navigation.attitude.initial import initial_attitude
-from bluerov_slam.navigation.attitude.mahony import Mahony
-from bluerov_slam.navigation.attitude.quaternion import from_euler, rotate, to_euler
-from bluerov_slam.navigation.attitude.routine import InertialSample, RoutineState
+from bluerov_slam.navigation.attitude.calibration import CalibrationError, CompassCalibration, Provenance, vector
+from bluerov_slam.navigation.attitude.routine import RoutineState
 
 _TURN_RAD = 2.0 * math.pi
 _TURNS = 2.0
@@ -38,7 +29,6 @@ _LEAST_ERROR_RAD = math.radians(0.3)
 _LARGEST_RESIDUAL_RAD = math.radians(4.0)
 _LARGEST_DEVIATION_RAD = math.radians(30.0)
 _UNKNOWN_A_RAD = math.radians(3.0)
-_STEEPEST_RAD = math.radians(60.0)
 _MOST_SAMPLES = 5000
 
 
@@ -133,75 +123,6 @@ class TurnSwingRoutine:
         self._samples = []
         self._angle = self._lowest = self._highest = 0.0
         self._trouble = trouble
-
-
-class InertialSwingRoutine:
-    """The two turns from inertial samples alone: levels the calibrated field and takes the rate about the vertical.
-
-    Roll and pitch come from a gravity-only filter, so that the magnetometer is not on both sides of the comparison.
-    """
-
-    kind = "swing"
-
-    def __init__(self, calibration: Calibration, declination_rad: float = 0.0) -> None:
-        self._calibration = calibration
-        self._declination_rad = declination_rad
-        self._turns = TurnSwingRoutine()
-        self._level = Mahony(kp_radps=0.5, ki_radps2=0.0)
-        self._last_s: float | None = None
-        self._fieldless = 0
-
-    @property
-    def state(self) -> RoutineState:
-        """READY after two turns."""
-        return self._turns.state
-
-    @property
-    def progress(self) -> float:
-        """Share of the two turns."""
-        return self._turns.progress
-
-    @property
-    def instruction(self) -> str:
-        """What to do now."""
-        if self._calibration.magnetometer is None:
-            return "Calibrate the magnetometer first. " + self._turns.instruction
-        if self._fieldless > 100:
-            return "The magnetometer is not heard: check the sensor. " + self._turns.instruction
-        return self._turns.instruction
-
-    def feed(self, sample: InertialSample) -> None:
-        """Take one sample."""
-        if sample.magnetic_field_raw is None:
-            self._fieldless += 1
-            return
-        self._fieldless = 0
-        rate = self._calibration.angular_rate(np.array(sample.angular_rate_radps))
-        force = self._calibration.specific_force(np.array(sample.specific_force_mps2))
-        field = self._calibration.magnetic_field(np.array(sample.magnetic_field_raw))
-        if not math.isfinite(sample.at_s + float(rate.sum() + force.sum() + field.sum())):
-            return
-        if self._last_s is None:
-            start = initial_attitude(force[None], None)
-            if start is None:
-                return
-            self._level.initialise(start.quaternion_ned_frd)
-        else:
-            self._level.update(rate.tolist(), force.tolist(), None, sample.at_s - self._last_s)
-        self._last_s = sample.at_s
-        roll, pitch, _ = to_euler(self._level.quaternion_ned_frd)
-        if abs(pitch) > _STEEPEST_RAD:
-            return
-        north, east, _ = rotate(from_euler(roll, pitch, 0.0), vector(field))
-        compass = math.atan2(-east, north) + self._declination_rad
-        heading_rate = (rate[1] * math.sin(roll) + rate[2] * math.cos(roll)) / math.cos(pitch)
-        self._turns.feed(sample.at_s, compass, float(heading_rate))
-
-    def finish(self, made_unix_s: float | None = None) -> CompassCalibration:
-        """B and C. Raises CalibrationError, also where the magnetometer was never calibrated."""
-        if self._calibration.magnetometer is None:
-            raise CalibrationError("calibrate the magnetometer first: its iron is larger than any deviation after it")
-        return self._turns.finish(made_unix_s)
 
 
 class CourseSwingRoutine:
