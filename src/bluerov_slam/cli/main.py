@@ -14,6 +14,7 @@ from bluerov_slam.errors import ExpectedError
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS = {
     "convert": "convert",
+    "evaluate": "evaluate",
     "extension": "extension",
     "health": "health",
     "import": "import_log",

@@ -28,7 +28,7 @@ from bluerov_slam.records import GpsFix, ImuBurst
 from bluerov_slam.simulation.dive import SimulatedDive
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -47,7 +47,7 @@ class Dive:
     plan: DivePlan
     seed: int
     truth: DiveTruth
-    records: list[Record]
+    records: Sequence[Record]
 
     def gps_times_s(self) -> list[float]:
         """When the receiver had a position."""

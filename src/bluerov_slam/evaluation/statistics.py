@@ -29,17 +29,31 @@ class Interval:
 
 
 def bootstrap(
-    values: Sequence[float], statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    values: Sequence[float] | NDArray[np.float64],
+    statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> Interval:
-    """Median (or `statistic` along the last axis) of independent values and its percentile interval.
+    """Median of independent values and its percentile interval.
 
-    The resampling is always the same: equal values give equal intervals. Source: Efron and Tibshirani (1993), ch. 13.
+    `values` (n,) or (n, k); another `statistic` takes them as (..., n) or (..., n, k) and gives (...). The resampling
+    is always the same: equal values give equal intervals. Source: Efron and Tibshirani (1993), ch. 13.
     """
     taken = statistic or (lambda rows: np.median(rows, axis=-1))
     numbers = np.asarray(values, dtype=float)
     chosen = np.random.default_rng(0).integers(0, len(numbers), (_RESAMPLES, len(numbers)))
     low, high = np.quantile(taken(numbers[chosen]), BAND)
-    return Interval(float(taken(numbers)), float(low), float(high))
+    return Interval(float(taken(numbers[None])[0]), float(low), float(high))
+
+
+def ratio_of_rms(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Root mean square of the first over that of the second of each pair: (..., n, 2) -> (...)."""
+    squares = np.mean(pairs**2, axis=-2)
+    return np.asarray(np.sqrt(squares[..., 0] / squares[..., 1]))
+
+
+def ratio_of_sums(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of the first over the sum of the second of each pair: (..., n, 2) -> (...)."""
+    sums = np.sum(pairs, axis=-2)
+    return np.asarray(sums[..., 0] / sums[..., 1])
 
 
 def root_mean_square(rows: NDArray[np.float64]) -> NDArray[np.float64]:
