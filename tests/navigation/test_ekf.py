@@ -318,6 +318,16 @@ def test_add_uncertainty_keeps_relations():
     assert core.covariance[1, 1] - core.covariance[0, 0] == pytest.approx(7.0)
 
 
+def test_health():
+    core = full_filter()
+    assert core.is_healthy()
+    core.covariance[3, 3] = 0.0
+    assert not core.is_healthy()
+    broken = full_filter()
+    broken.estimate.values[0] = math.nan
+    assert not broken.is_healthy()
+
+
 def test_a_covariance_of_the_wrong_size_is_refused():
     with pytest.raises(ValueError, match="covariance"):
         ErrorStateFilter(NavEstimate(FULL, 0.0), np.ones(28))

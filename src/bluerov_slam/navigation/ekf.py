@@ -239,6 +239,12 @@ class ErrorStateFilter:
         deviation: Array = np.sqrt(self.covariance.diagonal()[place])
         return deviation
 
+    def is_healthy(self) -> bool:
+        """Whether estimate and covariance are numbers, and every variance is above zero."""
+        return self.estimate.is_finite() and bool(
+            np.isfinite(self.covariance).all() and (self.covariance.diagonal() > 0.0).all()
+        )
+
     def _correct(self, residual: Array, jacobian: Array, noise: Array, carried: Array, inverse: Array) -> None:
         """Joseph's form: with A = P - K H P it is A (1 - K H)' + K R K' = A - (A H' - K R) K'."""
         gain = carried @ inverse
