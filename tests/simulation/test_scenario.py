@@ -69,6 +69,15 @@ def test_a_bad_scenario_is_named(values: Mapping[str, object], message: str) -> 
         scenario_from_mapping(values)
 
 
+def test_a_scenario_says_how_hard_the_sea_is_and_what_flies() -> None:
+    scenario = scenario_from_mapping({"conditions": "hard", "noise_family": "mismatched", "thrusters": 8, "dvl": True})
+    assert (scenario.conditions, scenario.noise_family) == ("hard", "mismatched")
+    assert (scenario.thrusters, scenario.dvl) == (8, True)
+    for key, value in (("conditions", "wild"), ("noise_family", "own"), ("thrusters", 7)):
+        with pytest.raises(ConfigError, match=f"{key} must be one of"):
+            scenario_from_mapping({key: value})
+
+
 def test_built_in_scenarios_stay_inside_the_allowed_ranges() -> None:
     for name, scenario in SCENARIOS.items():
         assert scenario_from_mapping({"base": name}) == scenario
