@@ -2,9 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from bluerov_slam.navigation.rotation import rotation_from_euler
+from bluerov_slam.navigation.state import NavEstimate
 from bluerov_slam.pipeline.navigator import Navigator
+from bluerov_slam.pipeline.navigator_aids import SlowThroughWater
+from bluerov_slam.pipeline.navigator_start import LAYOUT
 from bluerov_slam.records import (
     NavMode,
     NavState,
@@ -90,7 +95,27 @@ def test_fixes_alone_make_a_track():
     assert last.mode is NavMode.AIDED
     assert last.velocity_ned_mps is not None
     assert last.velocity_ned_mps[:2] == pytest.approx((0.3, 0.0), abs=0.15)
-    assert last.quaternion_ned_frd is None
     assert last.depth_m is None
+    # No sensor tells a heading: none may be learnt, however long the vehicle moves.
+    assert all(math.degrees(math.sqrt(state.pose_covariance[5, 5])) > 50.0 for state in states)
+    assert last.quaternion_ned_frd is None
     late = [result for result in navigator.feed(attitude(221.0)) if isinstance(result, NavState)]
     assert late
+
+
+def test_the_speed_limits_jacobian_is_that_of_finite_differences():
+    estimate = NavEstimate(
+        LAYOUT, 0.0, rotation_from_euler(0.1, -0.2, 2.0), velocity=(0.4, -0.3, 0.1), current=(0.2, 0.1)
+    )
+    limit = SlowThroughWater(0.0, 0.5, 0.25)
+    nominal = limit.evaluate(estimate, LAYOUT)
+    assert nominal is not None
+    for place in range(LAYOUT.size):
+        error = np.zeros(LAYOUT.size)
+        error[place] = 1e-6
+        moved = estimate.copy()
+        moved.add_error(error)
+        after = limit.evaluate(moved, LAYOUT)
+        assert after is not None
+        slope = (nominal.residual - after.residual) / 1e-6
+        np.testing.assert_allclose(slope, nominal.jacobian[:, place], atol=1e-6)

@@ -4,6 +4,7 @@ from bluerov_slam.errors import RecordingError
 from bluerov_slam.sources.imported_log import ImportReport, PositionWatch
 from bluerov_slam.sources.log_import import read_log
 from log_samples import DataflashLog, TelemetryLog
+from real_data import recording
 
 
 @pytest.mark.parametrize("name", ["dive.tlog", "dive.bin", "no_ending"])
@@ -71,3 +72,9 @@ def test_a_position_that_moves_again_is_news():
     assert watch.objection(48.2, -4.5) is None
     assert watch.objection(float("nan"), 1.0) == "without numbers"
     assert not watch.is_frozen
+
+
+@pytest.mark.data
+def test_a_real_nmea_log_is_refused_with_its_cure():
+    with pytest.raises(RecordingError, match="only of the boat"):
+        read_log(recording("bluerov2_ardusub_logs", "ugps_nmea_2023-09-01.txt"))

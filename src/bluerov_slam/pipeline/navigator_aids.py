@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.navigation.measurements import GravityDirection, SensorAngles, WaterVelocity, ZeroRate, ZeroVelocity
+from bluerov_slam.navigation.ekf import Innovation
+from bluerov_slam.navigation.measurements import GravityDirection, SensorAngles, ZeroRate, ZeroVelocity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bluerov_slam.navigation.process import ImuSample
+    from bluerov_slam.navigation.state import NavEstimate, StateLayout
     from bluerov_slam.pipeline.navigator_core import Core
     from bluerov_slam.records import CtdSample
 
@@ -39,6 +42,30 @@ DECK_RATE_RADPS = math.radians(0.5)
 DECK_FORCE_MPS2 = 0.08
 DECK_VELOCITY_STD_MPS = 0.03
 DECK_RATE_STD_RADPS = math.radians(0.05)
+
+
+@dataclass(frozen=True, slots=True)
+class SlowThroughWater:
+    """The velocity through water is near zero whichever way the vehicle points: said in NED, so that no attitude is
+    learnt from it. In body axes its Jacobian would take the unknown heading for an observed one.
+    """
+
+    at_s: float
+    horizontal_std_mps: float
+    vertical_std_mps: float
+    sensor: str = NO_SENSOR
+
+    def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
+        """0 = v - current."""
+        through_water_ned = estimate.velocity_ned_mps.copy()
+        jacobian = np.zeros((3, layout.size))
+        jacobian[:, layout["velocity"]] = np.eye(3)
+        if "current" in layout:
+            place = layout["current"]
+            through_water_ned[:2] -= estimate.values[place]
+            jacobian[0, place.start] = jacobian[1, place.start + 1] = -1.0
+        variances = (self.horizontal_std_mps**2, self.horizontal_std_mps**2, self.vertical_std_mps**2)
+        return Innovation(-through_water_ned, jacobian, np.diag(variances))
 
 
 class Aids:
@@ -95,7 +122,7 @@ class Aids:
             return
         self._speed_s = at_s
         std_mps = options.speed_prior_std_mps
-        self._core.offer(WaterVelocity(at_s, (0.0, 0.0, 0.0), (std_mps, std_mps, 0.5 * std_mps), sensor=NO_SENSOR))
+        self._core.offer(SlowThroughWater(at_s, std_mps, 0.5 * std_mps))
 
     def _rest_on_deck(self, at_s: float) -> bool:
         if at_s - self._recent[0][0] < 0.8 * DECK_WINDOW_S:

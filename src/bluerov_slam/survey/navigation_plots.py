@@ -18,6 +18,7 @@ from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.protocol.navigation_json import LABELS
 from bluerov_slam.records import NavMode, SensorTrust
 from bluerov_slam.survey.navigation_run import NavigationRun, SensorUpdates
+from bluerov_slam.survey.navigation_summary import NIS_FEW
 from bluerov_slam.survey.navigation_track import MODES, NavTrack
 from bluerov_slam.survey.track_files import ellipse_outline, rows_apart
 
@@ -207,7 +208,7 @@ def _depth(run: NavigationRun) -> Figure | None:
         axes.plot(at, bottom, color="#8a6d3b", linewidth=1.0, label="bottom")
     axes.invert_yaxis()
     axes.set(ylabel="depth (m)")
-    axes.legend(loc="lower left")
+    axes.legend(loc="best")
     return figure
 
 
@@ -361,7 +362,11 @@ def _trust(run: NavigationRun) -> Figure | None:
 def _tested(run: NavigationRun) -> list[tuple[str, SensorUpdates]]:
     order = {name: place for place, name in enumerate(LABELS)}
     # Priors are measured against, too, but are no sensors.
-    tested = [(name, each) for name, each in run.updates.items() if name in order and each.accepted.any()]
+    tested = [
+        (name, each)
+        for name, each in run.updates.items()
+        if name in order and np.count_nonzero(each.accepted) >= NIS_FEW
+    ]
     return sorted(tested, key=lambda item: order[item[0]])
 
 

@@ -237,6 +237,9 @@ def _section_sensors(run: NavigationRun, summary: dict[str, Any], plots: dict[st
 def _sensor_row(sensor: dict[str, Any]) -> str:
     ratio = "" if sensor["nis_ratio"] is None else f"{sensor['nis_ratio']:.2f}"
     verdict = _VERDICTS[sensor["verdict"]] if sensor["tested"] else "not tested against the others"
+    if sensor["verdict"] == "unknown" and sensor["accepted"] > sensor["tested"]:
+        # The gyro and accelerometer carry the estimate; all others are tested against them.
+        verdict = "not tested: it carries the estimate from one measurement to the next"
     return (
         f"<tr><td>{escape(sensor['label'])}<td class=n>{sensor['accepted']}<td class=n>{sensor['rejected']}"
         f"<td class=n>{ratio}<td>{escape(verdict)}"

@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 MODES = tuple(NavMode)
 PERIOD_S = 0.2
+TILT_KNOWN_RAD = math.radians(12.0)
+HEADING_KNOWN_RAD = math.radians(40.0)
 
 COLUMNS = (
     "at_s", "mode", "latitude_deg", "longitude_deg", "depth_m", "depth_std_m",
@@ -90,7 +92,7 @@ class TrackBuilder:
     def _row(self, state: NavState) -> list[float]:
         latitude_deg, longitude_deg = self._place(state)
         ellipse = error_ellipse(state.pose_covariance) if state.position_ned_m is not None else None
-        angles = state.quaternion_ned_frd and euler_angles_rad(state.quaternion_ned_frd)
+        heading_std_rad = _heading_std_rad(state)
         values: tuple[float | None, ...] = (
             state.measured_s,
             MODES.index(state.mode),
@@ -101,8 +103,8 @@ class TrackBuilder:
             *((ellipse.major_m, ellipse.minor_m, ellipse.bearing_rad) if ellipse else (None, None, None)),
             *(state.velocity_ned_mps or (None, None, None)),
             _speed_std_mps(state),
-            *(angles or (None, None, None)),
-            _heading_std_rad(state),
+            *_angles_rad(state, heading_std_rad),
+            heading_std_rad,
             state.altitude_m,
             *(state.current_ne_mps or (None, None)),
             max(state.current_std_mps) if state.current_std_mps else None,
@@ -129,6 +131,17 @@ def _speed_std_mps(state: NavState) -> float | None:
         return None
     largest = float(np.linalg.eigvalsh(covariance[:2, :2])[-1])
     return math.sqrt(largest) if largest >= 0.0 else None
+
+
+def _angles_rad(state: NavState, heading_std_rad: float | None) -> tuple[float | None, float | None, float | None]:
+    """Roll, pitch and heading; with a larger error than this an angle says nothing."""
+    if state.quaternion_ned_frd is None or state.pose_covariance is None:
+        return None, None, None
+    roll, pitch, heading = euler_angles_rad(state.quaternion_ned_frd)
+    tilt_std_rad = math.sqrt(max(float(state.pose_covariance[3, 3]), float(state.pose_covariance[4, 4]), 0.0))
+    level_known = tilt_std_rad < TILT_KNOWN_RAD
+    heading_known = heading_std_rad is not None and heading_std_rad < HEADING_KNOWN_RAD
+    return roll if level_known else None, pitch if level_known else None, heading if heading_known else None
 
 
 def _heading_std_rad(state: NavState) -> float | None:
