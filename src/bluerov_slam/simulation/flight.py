@@ -33,7 +33,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Flight:
-    """One dive from `start_s` on, at rest on the route's first target. `fly` gives the next rows."""
+    """One dive from `start_s` of the route on, at rest on its target; the sea begins there. `fly`: the next rows."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class Flight:
         depth_m = body.FLOATING_DEPTH_M if target.depth_m is None else target.depth_m
         half = 0.5 * target.heading_rad
         place = (target.north_m, target.east_m, depth_m)
-        self._water = self.ocean.step(start_s, place, (0.0, 0.0, 0.0))
+        self._water = self.ocean.step(0.0, place, (0.0, 0.0, 0.0))
         water = self._water.velocity_mps
         cos_h, sin_h = math.cos(target.heading_rad), math.sin(target.heading_rad)
         # Drifting with the water would be unfair to a pilot who has held the place: at rest over ground.
@@ -81,7 +81,8 @@ class Flight:
     def _row(self) -> list[float]:
         """Truth at the present instant; the vehicle is one step further afterwards."""
         state, water, step_s = self._state, self._water, self.step_s
-        at_s = self.start_s + self._steps * step_s
+        flown_s = self._steps * step_s
+        at_s = self.start_s + flown_s
         self._steps += 1
         north, east, down, qw, qx, qy, qz, u, v, w, p, q, r = state
         rotation = (
@@ -99,7 +100,7 @@ class Flight:
         self._battery.draw(amperes, step_s)
 
         ahead = (north + velocity[0] * step_s, east + velocity[1] * step_s, down + velocity[2] * step_s)
-        after = self.ocean.step(at_s + step_s, ahead, velocity)
+        after = self.ocean.step(flown_s + step_s, ahead, velocity)
         pull = self._tether(north, east, flow)
         torque = self._next_buffet()
         half_water = _halfway(water, after, step_s)
@@ -116,7 +117,7 @@ class Flight:
             row[0] * du + row[1] * dv + row[2] * dw + moving
             for row, moving in zip(rotation, water.acceleration_mps2, strict=True)
         ]
-        current = self.ocean.current_ned_mps(at_s, down)
+        current = self.ocean.current_ned_mps(flown_s, down)
         self._state, self._water = new, after
         return [
             *state[:7], *velocity, *acceleration, p, q, r, *slope[10:], u, v, w, current[0], current[1],

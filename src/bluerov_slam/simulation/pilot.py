@@ -70,6 +70,7 @@ class Pilot:
     def __init__(self, route: Route, frame: ThrusterFrame, seed: int, start_s: float, step_s: float) -> None:
         self.behind_s = 0.0
         self._route = route
+        self._start_s = start_s
         self._frame = frame
         self._step_s = step_s
         rng = np.random.default_rng([seed, 0x9107])
@@ -85,7 +86,7 @@ class Pilot:
         target = self._route.target(at_s - self.behind_s)
         if self.behind_s:  # the times of diving and surfacing do not wait
             target = target._replace(depth_m=self._route.target(at_s).depth_m)
-        misjudged_n, misjudged_e = self._misjudged.at(at_s).tolist()
+        misjudged_n, misjudged_e = self._misjudged.at(at_s - self._start_s).tolist()
         off_n, off_e = target.north_m - seen.north_m - misjudged_n, target.east_m - seen.east_m - misjudged_e
         speed_mps = target.speed_mps
         if math.hypot(off_n, off_e) > _WAITS_M:
@@ -142,7 +143,7 @@ class Pilot:
         most = _TURN_RADPS * self._step_s
         turn = math.remainder(heading_rad - self._heading_rad, 2.0 * math.pi)
         self._heading_rad += min(most, max(-most, turn))
-        wandering = float(self._wandering.at(at_s)[0])
+        wandering = float(self._wandering.at(at_s - self._start_s)[0])
         error = math.remainder(self._heading_rad + wandering - seen.yaw_rad, 2.0 * math.pi)
         moment = _HEADING_NM_PER_RAD * error - _HEADING_NM_PER_RADPS * seen.rates_radps[2]
         return min(_MOST_TURN_NM, max(-_MOST_TURN_NM, moment))

@@ -96,10 +96,14 @@ class FlownScene:
     def ping(
         self, side: int, mission_s: float, samples: int, resolution_m: float, first_sample: int
     ) -> NDArray[np.uint8]:
+        self.build_seabed()
+        return self._sides[side].ping(self.state(mission_s), samples, resolution_m, first_sample)
+
+    def build_seabed(self) -> None:
+        """Half a second of work, for whoever cannot spare it at the first ping."""
         if not self._sides:
             world = self._seabed()
             self._sides = {each: SideScan(world, each, self._seed) for each in (STARBOARD, PORT)}
-        return self._sides[side].ping(self.state(mission_s), samples, resolution_m, first_sample)
 
 
 class SimulatedScene(FlownScene):
@@ -119,6 +123,7 @@ class SimulatedScene(FlownScene):
         truth = TruthRows(flight.fly(2), start_s, flight.step_s, flight.fly, _REMEMBERED_S)
         origin_deg = (scenario.origin_latitude_deg, scenario.origin_longitude_deg)
         super().__init__(truth, origin_deg, lambda: build_world(scenario.seed, scenario.water_depth_m), scenario.seed)
+        self.build_seabed()
 
 
 class DifferencedMotion:
