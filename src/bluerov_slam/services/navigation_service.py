@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -43,7 +44,11 @@ KIND_LABELS: Final = {
 
 
 class NavigationService:
-    """`start` and `stop` follow `enabled`; `tick` once a second. `setup` is asked at each start of the worker."""
+    """`tick` it once a second; its `process` is started and stopped by whoever made it.
+
+    `setup` is asked at each start of the worker. `now_s` is the records' clock, which a replay lets run faster;
+    messages to the pages keep to the host's.
+    """
 
     def __init__(
         self,
@@ -56,6 +61,7 @@ class NavigationService:
         simulated: bool,
         odometry: OdometrySender,
         on_change: Callable[[], None] = lambda: None,
+        host_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.track = NavigationTrack(unix_s)
         self.assistant = DiveStartAssistant()
@@ -64,6 +70,7 @@ class NavigationService:
         self._hub = hub
         self._broadcaster = broadcaster
         self._now_s = now_s
+        self._host_s = host_s
         self._unix_s = unix_s
         self._simulated = simulated
         self._odometry = odometry
@@ -180,7 +187,7 @@ class NavigationService:
                 text = f"navigation left out {dropped - self._dropped} records: the computer was too slow for it"
                 self._hub.publish(Event(now_s, EventLevel.WARNING, text))
             self._dropped, self._dropped_s = dropped, now_s
-        if now_s - self._sent_s >= 1.0:
+        if self._host_s() - self._sent_s >= 1.0:
             self.publish()
 
     def publish(self) -> None:
@@ -188,7 +195,7 @@ class NavigationService:
         if self._broadcaster.wants(TOPIC):
             self._broadcaster.publish_text(TOPIC, self.message())
             self._fix = None
-        self._sent_s = now_s = self._now_s()
+        self._sent_s = now_s = self._host_s()
         self._due_s = max(self._due_s + PERIOD_S, now_s + 0.5 * PERIOD_S)
 
     def message(self) -> bytes:
@@ -215,7 +222,7 @@ class NavigationService:
             self._hub.publish(placed.state)
         for fix in done.fixes:  # behind the state that brought the origin they are told about
             self.track.add_fix(fix)
-        if done.states and self._now_s() >= self._due_s - EARLY_S:
+        if done.states and self._host_s() >= self._due_s - EARLY_S:
             self.publish()
 
     def _take_save_error(self, error: str | None) -> None:
