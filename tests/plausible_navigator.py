@@ -69,10 +69,10 @@ class PlausibleNavigator:
         self._counts = {"gps": [0, 0], "position": [0, 0], "depth": [0, 0], "compass": [0, 0]}
         kinds = ("gyro", "accelerometer", "magnetometer", "swing")
         self._kinds = {kind: Progress(kind, "none") for kind in kinds}
-        if saved is not None and saved.position_known and saved.position_ned_m is not None:
+        if saved is not None and saved.position_known:
             self._origin, self._known = saved.origin_deg, True
-            self._position[:] = saved.position_ned_m[:2]
-            self._at_s, self._std_m = saved.at_s, saved.standard_deviations["position"][0]
+            self._position[:] = saved.values[:2]
+            self._at_s, self._std_m = saved.at_s, saved.covariance[0] ** 0.5
             self._resets = saved.reset_counter + 1
 
     def feed(self, record: Record) -> list[NavState | Event]:
@@ -115,8 +115,9 @@ class PlausibleNavigator:
             at_s=self._at_s or 0.0,
             origin_deg=self._origin,
             position_known=self._known,
-            position_ned_m=(float(self._position[0]), float(self._position[1]), 0.0),
-            standard_deviations={"position": [self._std_m]},
+            layout=(("position", 2),),
+            values=(float(self._position[0]), float(self._position[1])),
+            covariance=(self._std_m**2, 0.0, self._std_m**2),
             reset_counter=self._resets,
             calibration={"gyro": [0.0, 0.0, 0.0]},
         )

@@ -51,6 +51,7 @@ class NavigationEngine:
         self._saved_s = -math.inf
         self._unsaved = False
         self._position_saved = False
+        self._save_fault: str | None = None
         self._told_s = -math.inf
         self._fixes: list[GpsFix | PositionFix] = []
         self._counts: dict[str, tuple[int, int]] = {}
@@ -78,7 +79,7 @@ class NavigationEngine:
             tuple(fixes),
             tuple(replies),
             calibrations=self._calibrations_sometimes(bool(work.asks)),
-            save_error=None if self._file is None else self._file.error,
+            save_error=None if self._file is None else self._save_fault or self._file.error,
         )
 
     def calibrations(self) -> tuple[Mapping[str, Any], ...]:
@@ -154,7 +155,14 @@ class NavigationEngine:
     def _save_sometimes(self) -> None:
         if self._file is not None and self._unsaved and self._now_s() - self._saved_s >= SAVE_PERIOD_S:
             self._saved_s, self._unsaved = self._now_s(), False
-            self._file.save(self._navigator.save().to_json())
+            try:
+                self._file.save(self._navigator.save().to_json())
+            except Exception as error:  # the estimate itself is well, and goes on without
+                if self._save_fault is None:
+                    _log.exception("the navigator's state cannot be told")
+                self._save_fault = f"{type(error).__name__}: {error}"
+            else:
+                self._save_fault = None
 
     def _calibrations_sometimes(self, now: bool) -> tuple[Mapping[str, Any], ...]:
         if not now and self._now_s() - self._told_s < CALIBRATION_PERIOD_S:
