@@ -91,7 +91,7 @@ def test_estimates_and_positions_have_lines_of_their_own(tmp_path):
     }  # fmt: skip
     states = typed[1:]
     assert {line["type"] for line in states} == {"navigation"}
-    assert [round(line["t_mono"] - clock.now_s, 2) for line in states] == [0.0, 0.6, 1.2, 1.8]
+    assert [round(line["t_mono"] - clock.now_s, 2) for line in states] == [0.0, 1.0]
     north_m = states[0]["position"]["north_m"]
     assert states[0]["position"]["latitude_deg"] == pytest.approx(48.1 + north_m / 111_200.0, abs=1e-6)
     assert states[0]["simulated"] is True

@@ -1,4 +1,4 @@
-"""The plain log: a line per SENSORS frame (the seed's JSON) and position from outside, and twice a second the estimate.
+"""The plain log: a line per SENSORS frame (the seed's JSON) and position from outside, and once a second the estimate.
 
 Every line has `t_mono` and `t_unix`; lines that are not of a SENSORS frame say what they are in `type`.
 """

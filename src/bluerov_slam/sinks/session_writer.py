@@ -26,8 +26,8 @@ _log = logging.getLogger(__name__)
 TRUSTED_OFFSET_S = 2.0
 _GPS_FIXES_KEPT = 15
 # Estimates are recorded this far apart: the inputs are recorded whole, so that each can be made anew.
-NAVIGATION_PERIOD_S = 0.2
-NAVIGATION_LINE_PERIOD_S = 0.5
+NAVIGATION_PERIOD_S = 0.5
+NAVIGATION_LINE_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
