@@ -286,7 +286,7 @@ class Navigator:
     def _on_sample(self, record: SensorSample) -> bool:
         core = self._core
         reading = self._depth.sample(record)
-        bursts_come = record.arrived_s - self._burst_s < BURSTS_GONE_S
+        bursts_come = record.arrived_s - max(self._burst_s, self._first_s or 0.0) < BURSTS_GONE_S
         angles = None if bursts_come else self._imu.angles(record, core.place.declination_rad)
         if not bursts_come and record.imu_alive and record.roll_rad is not None:
             self._angles_s = record.arrived_s

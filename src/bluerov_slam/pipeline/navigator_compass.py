@@ -34,6 +34,7 @@ REFERENCE_READINGS = 25
 UNCALIBRATED_TOLERANCE = 2.5
 # A thruster field calibration leaves about a third of the disturbance.
 CORRECTED_SHARE = 0.35
+EFFORT_TIME_S = 60.0
 
 
 class CompassIntake:
@@ -46,6 +47,7 @@ class CompassIntake:
         self._frozen_value: bytes | None = None
         self._turned_rad = np.zeros(3)
         self._taken_s = -math.inf
+        self._usual_effort: float | None = None
         self._norms: deque[float] = deque(maxlen=REFERENCE_READINGS)
         self._dips: deque[float] = deque(maxlen=REFERENCE_READINGS)
         self.expected_dip_rad: float | None = None
@@ -80,10 +82,19 @@ class CompassIntake:
 
     def std_rad(self, calibration: Calibration, effort: Array | None) -> float:
         """White error of one heading, thrusters included."""
-        disturbed = 0.0 if effort is None else self._options.throttle_std_rad * float(np.mean(effort))
+        disturbed = (
+            0.0 if effort is None else self._options.throttle_std_rad * abs(self._unusual(float(np.mean(effort))))
+        )
         if calibration.thruster_field is not None:
             disturbed *= CORRECTED_SHARE
         return math.hypot(self._options.std_rad * self._status.noise_scale, disturbed)
+
+    def _unusual(self, effort: float) -> float:
+        """How far the thrusters are from their load of the last minute: a steady field is deviation, not noise."""
+        if self._usual_effort is None:
+            self._usual_effort = effort
+        self._usual_effort += (effort - self._usual_effort) * self._options.period_s / EFFORT_TIME_S
+        return effort - self._usual_effort
 
     def _raw_fault(self, record: ImuBurst) -> Fault | None:
         raw = record.magnetic_field_raw

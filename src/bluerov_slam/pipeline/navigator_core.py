@@ -28,7 +28,7 @@ HEADING_KNOWN_RAD = 0.6
 # uncertain again, and what it says next is weighed against that. Positions have a rule of their own.
 STUBBORN: dict[str, tuple[int, tuple[tuple[str, float | tuple[float, ...]], ...]]] = {
     "imu": (50, (("attitude", 0.5),)),
-    "compass": (60, (("attitude", (0.0, 0.0, 0.5)),)),
+    "compass": (20, (("attitude", (0.0, 0.0, 0.06)), ("compass_wander", 0.06))),
     "depth": (10, (("position", (0.0, 0.0, 10.0)),)),
     "thrust": (5, (("velocity", 0.3), ("current", 0.2))),
     "dvl": (25, (("velocity", 1.0),)),

@@ -22,7 +22,7 @@ class ImuOptions:
 
     # [logs] 0.011 to 0.024 deg/s and 0.006 to 0.009 m/s2 per root hertz, vibration included.
     gyro_noise_radps: float = math.radians(0.02)
-    accelerometer_noise_mps2: float = 0.01
+    accelerometer_noise_mps2: float = 0.006
     # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h.
     gyro_bias_std_radps: float = math.radians(0.3)
     gyro_bias_walk_radps: float = 1.6e-6
@@ -63,8 +63,8 @@ class CompassOptions:
     # [choice] about twice what a moving vehicle shows: strength as a share, dip as an angle.
     norm_tolerance: float = 0.2
     dip_tolerance_rad: float = math.radians(10.0)
-    # [survey] 2 to 10 deg beside servos and power leads: added at full throttle of all thrusters.
-    throttle_std_rad: float = math.radians(8.0)
+    # [survey] 2 to 10 deg beside servos and power leads: added for a change from rest to full throttle of all thrusters.
+    throttle_std_rad: float = math.radians(4.0)
     # [choice] values are taken this far apart: the field of cables and motors does not change from sample to sample.
     period_s: float = 0.5
 

@@ -25,10 +25,10 @@ NIS_WINDOW = 100
 # errors are states of their own and not meant; the lower limits keep them from being taken for precision.
 NOISE_LIMITS = {
     "compass": (0.1, 4.0),
-    "depth": (0.2, 5.0),
+    "depth": (0.05, 5.0),
     "gps": (0.5, 3.0),
     "position": (0.3, 4.0),
-    "thrust": (0.5, 3.0),
+    "thrust": (0.6, 3.0),
     "dvl": (0.5, 4.0),
 }
 LEARNING = 0.015
