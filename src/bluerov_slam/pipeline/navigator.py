@@ -216,6 +216,7 @@ class Navigator:
         self._actions = Actions(core, self._depth)
         self._burst_s = -math.inf
         self._angles_s = -math.inf
+        self._autopilot_s = -math.inf
         self._handlers: dict[type, Callable[[Any], bool]] = {
             ImuBurst: self._on_burst,
             SensorSample: self._on_sample,
@@ -300,6 +301,9 @@ class Navigator:
         if record.arrived_s - max(self._burst_s, self._angles_s) < LINK_IMU_GONE_S:
             return False
         measured_s = self._clocks.measured_s(record)
+        if self._autopilot_s < max(self._burst_s, self._angles_s):
+            self._core.say("The IMU is silent: the autopilot's attitude is used instead", EventLevel.WARNING)
+        self._autopilot_s = record.arrived_s
         return self._without_imu(measured_s, self._imu.autopilot(record, measured_s))
 
     def _on_ctd(self, record: CtdSample) -> bool:
