@@ -8,7 +8,18 @@ import sys
 import time
 from pathlib import Path
 
-MODULES = ("decode", "coding", "live", "pose", "fanout", "recording", "memory", "navigation_filter", "attitude")
+MODULES = (
+    "decode",
+    "coding",
+    "live",
+    "pose",
+    "fanout",
+    "recording",
+    "memory",
+    "navigation_filter",
+    "attitude",
+    "simulated_dive",
+)
 RESULTS = Path(__file__).parent / "results.json"
 
 
