@@ -196,6 +196,15 @@ async def test_a_replay_and_a_simulated_vehicle_send_nothing(options, word):
         assert word in made.text
 
 
+async def test_odometry_needs_the_udp_endpoint_and_says_so():
+    async with rig(ON) as made:
+        mavlink2rest = {"enabled": True, "mavlink2rest_url": "ws://127.0.0.1:6040/v1/ws/mavlink"}
+        made.settings = Settings.model_validate({"navigation": ON, "mavlink": mavlink2rest})
+        await made.run(6.0)
+        assert "ODOMETRY" not in made.autopilot.names
+        assert "mavlink2rest" in made.text
+
+
 async def test_a_simulated_vehicle_may_send_to_a_simulated_autopilot_but_a_replay_never():
     wanted = ON | {"odometry_when_simulated": True}
     async with rig(wanted, simulated=True, autopilot={"origin": (543219000, 101356000)}) as made:
@@ -225,6 +234,9 @@ async def test_parameters_are_shown_with_what_they_are():
         assert rows["VISO_TYPE"]["current"] == 0.0
         assert rows["EK3_GPS_TYPE"]["current"] is None
         assert made.autopilot.writes == []
+        asked = made.autopilot.names.count("PARAM_REQUEST_READ")
+        await made.vehicle.parameters.read()
+        assert made.autopilot.names.count("PARAM_REQUEST_READ") == asked, "what is known need not be asked for again"
 
 
 async def test_the_needed_ones_are_set_acknowledged_and_read_back():

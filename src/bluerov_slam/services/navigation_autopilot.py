@@ -21,6 +21,8 @@ ARMED_BIT: Final = 128
 MAV_PARAM_TYPE_REAL32: Final = 9
 # Values of other parameters come by themselves; these are re-read when older.
 FRESH_S: Final = 5.0
+# One that the autopilot does not have costs seconds to ask for: not each time somebody looks.
+MISSING_S: Final = 60.0
 _EXTERNAL: Final = 6.0
 _COMPASS: Final = 1.0
 _BAROMETER: Final = 1.0
@@ -82,6 +84,7 @@ class AutopilotParameters:
         self._now_s = now_s
         self._answer_s = answer_s
         self._values: dict[str, _Value] = {}
+        self._missing_s: dict[str, float] = {}
         self._waiting: dict[str, asyncio.Future[_Value]] = {}
         self._armed = False
         self._busy = asyncio.Lock()
@@ -103,11 +106,8 @@ class AutopilotParameters:
         """Every needed parameter with what it is now; null where the autopilot does not say."""
         async with self._busy:
             if self._peer_alive():
-                old = self._now_s() - FRESH_S
-                names = [
-                    p.name for p in self._needed() if p.name not in self._values or self._values[p.name].at_s < old
-                ]
-                await asyncio.gather(*(self._read(name) for name in names))
+                due = [parameter.name for parameter in self._needed() if self._is_due(parameter.name)]
+                await asyncio.gather(*(self._read(name) for name in due))
         return [self._row(parameter) for parameter in self._needed()]
 
     async def set_needed(self) -> list[dict[str, Any]]:
@@ -122,6 +122,12 @@ class AutopilotParameters:
             for parameter in self._needed():
                 await self._set_one(parameter)
         return [self._row(parameter) for parameter in self._needed()]
+
+    def _is_due(self, name: str) -> bool:
+        now_s = self._now_s()
+        if now_s - self._missing_s.get(name, -math.inf) < MISSING_S:
+            return False
+        return name not in self._values or now_s - self._values[name].at_s > FRESH_S
 
     async def _set_one(self, parameter: NeededParameter) -> None:
         name = parameter.name
@@ -165,6 +171,7 @@ class AutopilotParameters:
             finally:
                 self._waiting.pop(name, None)
         self._values.pop(name, None)
+        self._missing_s[name] = self._now_s()
         return None
 
     def _take_value(self, fields: Mapping[str, Any]) -> None:

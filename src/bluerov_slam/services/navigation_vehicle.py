@@ -95,4 +95,6 @@ class NavigationVehicle:
             return "Nothing is sent: the vehicle is simulated (navigation.odometry_when_simulated)"
         if not settings.mavlink.enabled:
             return "Nothing is sent: MAVLink is off; switch it on under Settings, mavlink"
+        if settings.mavlink.mavlink2rest_url:
+            return "Nothing is sent: mavlink2rest cannot carry values that are unknown; use the UDP endpoint"
         return None

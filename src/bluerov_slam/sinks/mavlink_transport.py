@@ -245,9 +245,6 @@ _REST_ENUMS = {
     ("HEARTBEAT", "system_status"): "MAV_STATE",
     ("GPS_RAW_INT", "fix_type"): "GPS_FIX_TYPE",
     ("STATUSTEXT", "severity"): "MAV_SEVERITY",
-    ("ODOMETRY", "frame_id"): "MAV_FRAME",
-    ("ODOMETRY", "child_frame_id"): "MAV_FRAME",
-    ("ODOMETRY", "estimator_type"): "MAV_ESTIMATOR_TYPE",
     ("COMMAND_LONG", "command"): "MAV_CMD",
     ("PARAM_SET", "param_type"): "MAV_PARAM_TYPE",
 }
