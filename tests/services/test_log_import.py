@@ -15,7 +15,6 @@ from log_samples import START_UNIX_S, DataflashLog, TelemetryLog
 from real_data import recording
 
 LOGS = (
-    ("bluerov2_ardusub_logs", "bench_2023-04-18_11-03-34.tlog"),
     ("bluerov2_ardusub_logs", "surface_ugps_2023-05-04.tlog"),
     ("bluerov2_ardusub_logs", "static_ekf3.BIN"),
     ("bluerov2_ugps_dive", "qgc_2022-08-15_09-56-00.csv"),
