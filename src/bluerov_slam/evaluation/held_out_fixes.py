@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 BLOCKS_S = (5.0, 10.0, 24.0)
 _FIRST_BLOCK_S, _BETWEEN_BLOCKS_S, _FRESH_S = 60.0, 30.0, 5.0
 _BASE_S = 1.0
+_FOLLOWING = 12
 _OUTLIER_M, _OUTLIER_WINDOW_S = 8.0, 5.0
 _ELLIPSE = 0.95
 
@@ -80,7 +81,7 @@ def predict_held_out(
     counts = {False: [0, 0], True: [0, 0]}
     given: list[int] = []
     number = -1
-    for record in records:
+    for place, record in enumerate(records):
         if not isinstance(record, PositionFix):
             navigator.feed(record)
             continue
@@ -98,7 +99,7 @@ def predict_held_out(
         begins_s = first_s + _FIRST_BLOCK_S + block * (block_s + _BETWEEN_BLOCKS_S)
         if not given or begins_s - fixes[given[-1]].measured_s > _FRESH_S:
             continue
-        error, nis = _tried(navigator, record)
+        error, nis = _tried(navigator, record, records[place + 1 : place + 1 + _FOLLOWING])
         if error is None:
             continue
         at_s = record.measured_s
@@ -115,17 +116,19 @@ def _block_of(after_s: float, block_s: float) -> int | None:
     return int(cycles) if cycles >= 0 and into_s < block_s else None
 
 
-def _tried(navigator: Navigator, fix: PositionFix) -> tuple[float | None, float]:
+def _tried(navigator: Navigator, fix: PositionFix, following: Sequence[Record]) -> tuple[float | None, float]:
     """How far the fix lies from what the navigator expects, and its NIS; a copy is asked, so nothing is learnt."""
     listener, navigator.on_update = navigator.on_update, None
     asked = copy.deepcopy(navigator)
     navigator.on_update = listener
     answers: list[UpdateResult] = []
     asked.on_update = answers.append
-    asked.feed(fix)
-    for answer in answers:
-        if answer.sensor == "position":
-            return float(math.hypot(*answer.residual[:2])), answer.nis
+    # A fix newer than the motion sensors waits in the navigator for their next sample.
+    for record in (fix, *(each for each in following if not isinstance(each, PositionFix))):
+        asked.feed(record)
+        for answer in answers:
+            if answer.sensor == "position":
+                return float(math.hypot(*answer.residual[:2])), answer.nis
     return None, math.nan
 
 

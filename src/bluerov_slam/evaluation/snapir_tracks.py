@@ -98,9 +98,9 @@ def as_measured(
     rates = np.gradient(angles, fine_s, axis=0)
     deltas = list(_displacements(track, errors))
     for at_s, (roll, pitch, yaw), rate in zip(fine_s.tolist(), angles.tolist(), rates.tolist(), strict=True):
-        yield VehicleAttitude(at_s, _boot_ms(at_s), roll, pitch, math.remainder(yaw, math.tau), tuple(rate))
         while deltas and deltas[0].arrived_s <= at_s + 1e-9:
             yield deltas.pop(0)
+        yield VehicleAttitude(at_s, _boot_ms(at_s), roll, pitch, math.remainder(yaw, math.tau), tuple(rate))
         if (fixes and fixes[0][0] <= at_s + 0.5 * _ATTITUDE_S) or (fixes and at_s >= track.at_s[-1] - _ATTITUDE_S):
             _, noise = fixes.pop(0)
             yield _fix(track, at_s, noise, fix_std_m)

@@ -49,7 +49,7 @@ def run_batch(
                 threads_per_worker=1,
                 processes=True,
                 host=_LOOPBACK,
-                dashboard_address=None,
+                dashboard_address=f"{_LOOPBACK}:0",
                 memory_limit=None,
                 silence_logs=logging.ERROR,
             )
