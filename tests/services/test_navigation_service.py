@@ -35,6 +35,11 @@ async def aided(running):
     return await running.until("/api/navigation", lambda data: data["mode"] == "aided")
 
 
+async def estimating(running):
+    """The first states, which need no fix and so no patience with the receiver."""
+    return await running.until("/api/navigation", lambda data: data["attitude"]["heading_deg"] is not None)
+
+
 def chip(state):
     return next(chip for chip in state["chips"] if chip["id"] == "navigation")
 
@@ -127,7 +132,7 @@ async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(t
         running_simulator(tmp_path),
         running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
     ):
-        await aided(running)
+        await estimating(running)
         calibration = await running.get("/api/navigation/calibration")
         assert [kind["kind"] for kind in calibration["kinds"]] == ["gyro", "accelerometer", "magnetometer", "swing"]
         assert all(kind["label"] for kind in calibration["kinds"])
@@ -146,13 +151,13 @@ async def test_settings_switch_it_off_and_on_and_make_it_anew(tmp_path):
         running_simulator(tmp_path),
         running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
     ):
-        await aided(running)
+        await estimating(running)
         process = running.extension.navigation.process
         before = process.facts().pid
         await running.call("PATCH", "/api/settings", json={"navigation.odometry_rate_hz": 8.0})
         assert process.facts().pid == before, "what concerns the autopilot needs no new estimate"
         await running.call("PATCH", "/api/settings", json={"navigation.origin": "54.5, 10.5"})
-        await running.until("/api/navigation", lambda data: data["mode"] == "aided")
+        await estimating(running)
         assert process.facts().pid != before
         await running.call("PATCH", "/api/settings", json={"navigation.enabled": False})
         data = await running.get("/api/navigation")
@@ -161,7 +166,7 @@ async def test_settings_switch_it_off_and_on_and_make_it_anew(tmp_path):
         status, answer = await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
         assert (status, "switched off" in answer["error"]) == (409, True)
         await running.call("PATCH", "/api/settings", json={"navigation.enabled": True})
-        await aided(running)
+        await estimating(running)
         status, answer = await running.call("PATCH", "/api/settings", json={"navigation.origin": "95, 10"})
         assert (status, "latitude -90 to 90" in answer["error"]) == (400, True)
 
@@ -245,7 +250,7 @@ async def test_a_simulated_vehicle_leaves_the_real_ones_state_alone(tmp_path):
         running_simulator(tmp_path),
         running_extension(state, port=serial_port(tmp_path), navigator=PLAUSIBLE, simulated=True) as running,
     ):
-        assert (await aided(running))["simulated"] is True
+        assert (await estimating(running))["simulated"] is True
     assert (state / "navigation-simulated.json").exists()
     assert not (state / "navigation.json").exists()
 
