@@ -79,9 +79,11 @@ export class AssistantPanel {
       return button('Zero now', () => void this.act({ action }, 'Zeroing the depth'));
     if (action === 'set_origin') return button('Set here', () => void this.setOrigin());
     if (action === 'start_calibration')
-      return button('Show', () =>
-        document.querySelector('.panel-calibration')?.scrollIntoView({ block: 'start' }),
-      );
+      return button('Show', () => {
+        const calibrations = document.querySelector('.panel-calibration');
+        calibrations?.scrollIntoView({ block: 'start' });
+        calibrations?.querySelector('button')?.focus({ preventScroll: true });
+      });
     return make('span');
   }
 

@@ -69,7 +69,7 @@ export class AutopilotPanel {
       ...parameters.map((/** @type {any} */ p) =>
         make(
           'tr',
-          { dataset: { fits: String(p.current === p.needed) } },
+          { dataset: { fits: p.current === null ? 'unknown' : String(p.current === p.needed) } },
           make('th', { scope: 'row', text: String(p.name) }),
           make('td', { text: value(p.needed) }),
           make('td', { text: value(p.current) }),

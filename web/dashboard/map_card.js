@@ -4,7 +4,8 @@
 import { call } from '../shared/api.js';
 import { shownUnit, shownValue } from '../shared/display.js';
 import { make, saveBlob, setText } from '../shared/dom.js';
-import { fixed, geodetic, heading, isKnown } from '../shared/format.js';
+import { age, fixed, geodetic, heading, isKnown } from '../shared/format.js';
+import { currentTheme, onThemeChange } from '../shared/theme.js';
 import { COLORINGS, lengthText } from './map_colors.js';
 import { geoJsonOf, gpxOf } from './map_export.js';
 import { MapView } from './map_view.js';
@@ -16,7 +17,8 @@ import { Track } from './track.js';
 
 const ZOOM_STEP = 1.6;
 const SCALE_PX = 120;
-const TRACK_POINTS = 20_000;
+/** Half a megabyte: some seconds on a slow tether. */
+const TRACK_POINTS = 8_000;
 const STORED_AS = 'bluerov-slam.map';
 
 export class MapCard {
@@ -29,8 +31,15 @@ export class MapCard {
     this.model = model;
     this.onTrack = onTrack;
     this.track = new Track();
-    /** @type {import('./map_painter.js').Scene} */
-    this.scene = { track: this.track, coloring: COLORINGS[0], state: null, stale: false, measure: [] };
+    /** @type {import('./map_place.js').Scene} */
+    this.scene = {
+      track: this.track,
+      coloring: COLORINGS[0],
+      state: null,
+      stale: false,
+      hasTiles: false,
+      measure: [],
+    };
     /** @type {MapView | null} */
     this.view = null;
     this.following = true;
@@ -39,6 +48,7 @@ export class MapCard {
     this.legendKey = '';
     this.build(card);
     this.choose(stored());
+    onThemeChange(() => this.choose(this.scene.coloring.key));
     void this.load();
   }
 
@@ -91,7 +101,7 @@ export class MapCard {
         button('GPX', 'Save the track as GPX', () => this.save('gpx')),
       ),
     );
-    this.sentence = make('p', { class: 'map-sentence', role: 'status' });
+    this.sentence = make('p', { class: 'map-sentence', id: 'map-sentence' });
     this.cursor = make('p', { class: 'map-cursor' });
     this.scaleText = make('span');
     this.scaleBar = make('div', { class: 'map-scale', 'aria-hidden': 'true' }, this.scaleText);
@@ -101,7 +111,9 @@ export class MapCard {
       class: 'map-target',
       tabindex: 0,
       role: 'application',
-      'aria-label': 'Map. Arrow keys move, plus and minus zoom, F follows, 0 shows the whole track.',
+      'aria-label':
+        'Map. Arrow keys move, plus and minus zoom, F follows, 0 shows the whole track, M measures with Enter.',
+      'aria-describedby': 'map-sentence',
       on: {
         keydown: (/** @type {KeyboardEvent} */ event) => this.onKey(event),
       },
@@ -116,11 +128,11 @@ export class MapCard {
         on: { click: () => this.view?.zoom(factor) },
       });
     card.add(
+      this.sentence,
       make(
         'div',
         { class: 'map-area' },
         this.target,
-        this.sentence,
         make(
           'div',
           { class: 'map-north', 'aria-label': 'North is up', role: 'img' },
@@ -133,8 +145,9 @@ export class MapCard {
           zoom('\u2212', 'Farther', 1 / ZOOM_STEP),
         ),
         this.empty,
-        make('div', { class: 'map-foot' }, this.scaleBar, this.legend, this.cursor),
+        this.scaleBar,
       ),
+      make('div', { class: 'map-foot' }, this.legend, this.cursor),
     );
     this.showWords();
   }
@@ -220,21 +233,22 @@ export class MapCard {
       this.scene.stale = stale;
       this.view?.redraw();
     }
+    if (stale) this.showWords(seconds);
     this.showLegend();
   }
 
-  showWords() {
+  /** @param {number | null} [oldS]  age of what is shown, once it is too old to be believed */
+  showWords(oldS = null) {
     const state = this.scene.state;
     const known = isKnown(state?.position?.north_m);
     const text = typeof state?.text === 'string' ? state.text : 'Waiting for the navigator';
     if (this.sentence) {
-      setText(this.sentence, known ? text : '');
-      this.sentence.dataset.mode = String(state?.mode ?? 'unknown');
-      this.sentence.hidden = !known;
+      setText(this.sentence, oldS === null ? text : `${age(oldS)} ago: ${text}`);
+      this.sentence.dataset.mode = oldS === null ? String(state?.mode ?? 'unknown') : 'stale';
     }
     if (!this.empty) return;
     this.empty.hidden = known || this.track.length > 0;
-    setText(this.empty, known ? '' : `No position yet. ${missing(state)}`);
+    setText(this.empty, known ? '' : missing(state));
   }
 
   /** @param {string} key */
@@ -258,15 +272,17 @@ export class MapCard {
       make(
         'span',
         { class: 'map-palette', 'aria-hidden': 'true' },
-        ...coloring.palette.map((color) => {
+        ...coloring.palette[currentTheme()].map((color) => {
           const step = make('i');
           step.style.background = color;
           return step;
         }),
       ),
       make('span', { text: to }),
-      make('span', { class: 'map-line solid', text: 'fixes' }),
+      make('span', { class: 'map-line solid', text: 'aided' }),
       make('span', { class: 'map-line broken', text: 'dead reckoning' }),
+      make('span', { class: 'map-fix used', text: 'fix used' }),
+      make('span', { class: 'map-fix refused', text: 'rejected' }),
     );
   }
 
@@ -299,7 +315,7 @@ export class MapCard {
     this.measureButton?.setAttribute('aria-pressed', String(on));
     this.scene.measure = [];
     this.target?.classList.toggle('measuring', on);
-    if (this.cursor) setText(this.cursor, on ? 'Click two points' : '');
+    if (this.cursor) setText(this.cursor, on ? 'Click two points, or Enter at the cross' : '');
     this.view?.redraw();
   }
 
@@ -310,6 +326,14 @@ export class MapCard {
     this.scene.measure = this.scene.measure.length === 1 ? [this.scene.measure[0], point] : [point];
     this.onPointer(pixel);
     this.view?.redraw();
+  }
+
+  /** The middle of the picture is the keyboard's pointer; arrow keys move the picture under it. */
+  measureAtCross() {
+    const size = this.view?.map.getSize();
+    if (!size) return;
+    this.setFollowing(false);
+    this.onClick([size[0] / 2, size[1] / 2]);
   }
 
   /** @param {number[]} pixel */
@@ -338,10 +362,13 @@ export class MapCard {
 
   /** @param {KeyboardEvent} event */
   onKey(event) {
-    if (event.key === 'f') this.setFollowing(!this.following);
-    else if (event.key === '0') this.fit();
-    else if (event.key === 'm') this.setMeasuring(!this.measuring);
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = event.key.toLowerCase();
+    if (key === 'f') this.setFollowing(!this.following);
+    else if (key === '0') this.fit();
+    else if (key === 'm') this.setMeasuring(!this.measuring);
     else if (event.key === 'Escape' && this.measuring) this.setMeasuring(false);
+    else if (event.key === 'Enter' && this.measuring) this.measureAtCross();
     else if (event.key.startsWith('Arrow')) {
       this.setFollowing(false);
       return;
@@ -373,14 +400,14 @@ export class MapCard {
  * @param {Record<string, any> | null} state
  */
 function missing(state) {
-  if (!state) return 'Waiting for the navigator.';
+  if (!state) return 'No position yet: waiting for the navigator.';
   if (state.mode === 'off')
     return typeof state.text === 'string' ? state.text : 'Navigation is switched off.';
   const gps = Array.isArray(state.sensors)
     ? state.sensors.find((/** @type {any} */ s) => s?.id === 'gps')
     : null;
   const reason = typeof gps?.reason === 'string' && gps.reason ? `GPS: ${gps.reason}` : '';
-  return reason || (typeof state.text === 'string' ? `${state.text}.` : '');
+  return `No position yet. ${reason || (typeof state.text === 'string' ? `${state.text}.` : '')}`.trim();
 }
 
 /** @returns {string} */

@@ -1,39 +1,24 @@
 // @ts-check
-// Draws the map's contents on a canvas: metric grid, track, fixes, ellipse, vehicle, measured line.
+// Draws what moves on the map: vehicle, its ellipse, the current, a measured line.
 
-import { shownValue } from '../shared/display.js';
-import { fixed } from '../shared/format.js';
-import { colorOf } from './map_colors.js';
-import { niceStep } from './local_frame.js';
-import { AIDED } from './track.js';
+import { currentTheme } from '../shared/theme.js';
+import { xOf, yOf } from './map_place.js';
 
 const DEG = Math.PI / 180;
-/** Grid lines no closer than this, pixels. */
-const GRID_PX = 72;
-/** Track points closer than this on the screen are one. */
-const MERGE_PX = 1.25;
 const ARROW_PX_PER_MPS = 90;
+const SOLID = /** @type {number[]} */ ([]);
+const BROKEN = [5, 4];
 
 /**
- * @typedef {object} Scene
- * @property {import('./track.js').Track} track
- * @property {import('./map_colors.js').Coloring} coloring
- * @property {Record<string, any> | null} state  the newest message's data, null before the first
- * @property {boolean} stale
- * @property {[number, number][]} measure  east, north
- * @typedef {object} Place
- * @property {number} width  CSS pixels
- * @property {number} height
- * @property {number} centerE  metres in the middle of the picture
- * @property {number} centerN
- * @property {number} metresPerPx
+ * @typedef {import('./map_place.js').Place} Place
+ * @typedef {import('./map_place.js').Scene} Scene
  */
 
 export class MapPainter {
   constructor() {
-    /** @type {string[]} line, dim, text, accent, vehicle, surface, warn, fault */
+    /** @type {string[]} text, accent, vehicle, surface, stale */
     this.colors = [];
-    this.fontPx = 12;
+    this.fontPx = 11;
   }
 
   /**
@@ -42,158 +27,8 @@ export class MapPainter {
    * @param {Scene} scene
    */
   draw(c, place, scene) {
-    this.drawGrid(c, place);
-    this.drawTrack(c, place, scene);
-    this.drawFixes(c, place, scene.track);
-    this.drawOrigin(c, place);
     this.drawVehicle(c, place, scene);
     this.drawMeasure(c, place, scene.measure);
-  }
-
-  /**
-   * @param {CanvasRenderingContext2D} c
-   * @param {Place} place
-   */
-  drawGrid(c, place) {
-    const [line, dim] = this.colors;
-    // In the units that the page shows: a grid of 5 m that reads 16.4 ft would help nobody.
-    const metres = 1 / (shownValue(1, 'm') ?? 1);
-    const step = niceStep((GRID_PX * place.metresPerPx) / metres) * metres;
-    const halfE = (place.width / 2) * place.metresPerPx;
-    const halfN = (place.height / 2) * place.metresPerPx;
-    c.lineWidth = 1;
-    c.strokeStyle = line;
-    c.beginPath();
-    for (let e = Math.ceil((place.centerE - halfE) / step) * step; e <= place.centerE + halfE; e += step) {
-      const x = Math.round(xOf(place, e)) + 0.5;
-      c.moveTo(x, 0);
-      c.lineTo(x, place.height);
-    }
-    for (let n = Math.ceil((place.centerN - halfN) / step) * step; n <= place.centerN + halfN; n += step) {
-      const y = Math.round(yOf(place, n)) + 0.5;
-      c.moveTo(0, y);
-      c.lineTo(place.width, y);
-    }
-    c.stroke();
-    this.labelGrid(c, place, step, metres, dim);
-  }
-
-  /**
-   * @param {CanvasRenderingContext2D} c
-   * @param {Place} place
-   * @param {number} step
-   * @param {number} metres  of one shown unit
-   * @param {string} dim
-   */
-  labelGrid(c, place, step, metres, dim) {
-    const decimals = step / metres < 1 ? 1 : 0;
-    const halfE = (place.width / 2) * place.metresPerPx;
-    const halfN = (place.height / 2) * place.metresPerPx;
-    c.font = `${this.fontPx}px system-ui, sans-serif`;
-    c.fillStyle = dim;
-    c.textBaseline = 'bottom';
-    c.textAlign = 'center';
-    const east = place.centerE - halfE + this.fontPx * 4 * place.metresPerPx;
-    for (let e = Math.ceil(east / step) * step; e <= place.centerE + halfE; e += step)
-      c.fillText(`E ${fixed(e / metres, decimals)}`, xOf(place, e), place.height - 2);
-    c.textAlign = 'left';
-    const north = place.centerN - halfN + this.fontPx * 3 * place.metresPerPx;
-    for (let n = Math.ceil(north / step) * step; n <= place.centerN + halfN; n += step)
-      c.fillText(`N ${fixed(n / metres, decimals)}`, 4, yOf(place, n) - 1);
-  }
-
-  /**
-   * Held by fixes: a solid line. Dead reckoning: a thinner, broken one. Colours are changed as seldom as can be.
-   * @param {CanvasRenderingContext2D} c
-   * @param {Place} place
-   * @param {Scene} scene
-   */
-  drawTrack(c, place, { track, coloring }) {
-    if (track.length < 2) return;
-    c.lineJoin = 'round';
-    let style = NaN;
-    let lastX = 0;
-    let lastY = 0;
-    let open = false;
-    for (let i = 0; i < track.length; i += 1) {
-      const x = xOf(place, track.eastM[i]);
-      const y = yOf(place, track.northM[i]);
-      const step = coloring.step(track, i);
-      const now = step * 2 + track.mode[i];
-      const isLast = i === track.length - 1;
-      if (now === style && !isLast && Math.abs(x - lastX) + Math.abs(y - lastY) < MERGE_PX) continue;
-      if (open) c.lineTo(x, y);
-      if (now !== style) {
-        if (open) c.stroke();
-        c.strokeStyle = colorOf(coloring, step);
-        c.lineWidth = track.mode[i] === AIDED ? 3.5 : 2;
-        c.setLineDash(track.mode[i] === AIDED ? [] : [6, 4]);
-        c.beginPath();
-        c.moveTo(x, y);
-        open = true;
-        style = now;
-      }
-      lastX = x;
-      lastY = y;
-    }
-    if (open) c.stroke();
-    c.setLineDash([]);
-  }
-
-  /**
-   * Used: a ring. Refused: a cross. Only listened to so far: a small dot.
-   * @param {CanvasRenderingContext2D} c
-   * @param {Place} place
-   * @param {import('./track.js').Track} track
-   */
-  drawFixes(c, place, track) {
-    const [, dim, , accent, , , , fault] = this.colors;
-    let lastX = NaN;
-    let lastY = NaN;
-    c.lineWidth = 1.5;
-    for (const fix of track.fixes) {
-      const x = xOf(place, fix.eastM);
-      const y = yOf(place, fix.northM);
-      if (x < -9 || y < -9 || x > place.width + 9 || y > place.height + 9) continue;
-      if (fix.accepted === true && Math.hypot(x - lastX, y - lastY) < 3) continue;
-      c.beginPath();
-      if (fix.accepted === false) {
-        c.strokeStyle = fault;
-        c.moveTo(x - 4, y - 4);
-        c.lineTo(x + 4, y + 4);
-        c.moveTo(x - 4, y + 4);
-        c.lineTo(x + 4, y - 4);
-        c.stroke();
-      } else if (fix.accepted === true) {
-        c.strokeStyle = accent;
-        c.arc(x, y, fix.source === 'gps' ? 3.5 : 2.5, 0, 2 * Math.PI);
-        c.stroke();
-        lastX = x;
-        lastY = y;
-      } else {
-        c.fillStyle = dim;
-        c.arc(x, y, 1.5, 0, 2 * Math.PI);
-        c.fill();
-      }
-    }
-  }
-
-  /**
-   * @param {CanvasRenderingContext2D} c
-   * @param {Place} place
-   */
-  drawOrigin(c, place) {
-    const [, , text] = this.colors;
-    const x = xOf(place, 0);
-    const y = yOf(place, 0);
-    c.strokeStyle = text;
-    c.lineWidth = 1.5;
-    c.beginPath();
-    c.moveTo(x - 7, y);
-    c.lineTo(x + 7, y);
-    c.moveTo(x, y - 7);
-    c.lineTo(x, y + 7);
-    c.stroke();
   }
 
   /**
@@ -205,12 +40,13 @@ export class MapPainter {
   drawVehicle(c, place, { state, stale }) {
     const position = state?.position;
     if (!Number.isFinite(position?.north_m) || !Number.isFinite(position?.east_m)) return;
-    const [line, , text, accent, vehicle, surface] = this.colors;
+    const [text, accent, vehicle, surface, old] = this.colors;
+    const size = this.fontPx / 11;
     const x = xOf(place, position.east_m);
     const y = yOf(place, position.north_m);
     c.save();
     c.translate(x, y);
-    if (stale) c.globalAlpha = 0.45;
+    if (stale) c.globalAlpha = 0.6;
     const ellipse = state?.ellipse;
     if (Number.isFinite(ellipse?.major_m) && Number.isFinite(ellipse?.minor_m)) {
       c.beginPath();
@@ -223,21 +59,23 @@ export class MapPainter {
         0,
         2 * Math.PI,
       );
-      c.fillStyle = accent;
+      c.fillStyle = stale ? old : accent;
       const opacity = c.globalAlpha;
       c.globalAlpha = 0.14 * opacity;
       c.fill();
       c.globalAlpha = opacity;
-      c.strokeStyle = accent;
+      c.strokeStyle = stale ? old : accent;
       c.lineWidth = 1.5;
-      c.setLineDash(state?.mode === 'aided' ? [] : [5, 4]);
+      c.setLineDash(state?.mode === 'aided' ? SOLID : BROKEN);
       c.stroke();
-      c.setLineDash([]);
+      c.setLineDash(SOLID);
     }
+    c.scale(size, size);
     this.drawCurrent(c, state?.current, text);
     const heading = state?.attitude?.heading_deg;
-    c.fillStyle = stale ? line : vehicle;
-    c.strokeStyle = surface;
+    c.fillStyle = stale ? old : vehicle;
+    // Yellow on white needs a dark edge, on black it has one.
+    c.strokeStyle = currentTheme() === 'light' ? text : surface;
     c.lineWidth = 2;
     c.beginPath();
     if (Number.isFinite(heading)) {
@@ -287,7 +125,7 @@ export class MapPainter {
    */
   drawMeasure(c, place, points) {
     if (points.length === 0) return;
-    const [, , text, , , surface] = this.colors;
+    const [text, , , surface] = this.colors;
     for (const [color, width] of /** @type {[string, number][]} */ ([
       [surface, 4],
       [text, 1.75],
@@ -307,20 +145,4 @@ export class MapPainter {
       c.stroke();
     }
   }
-}
-
-/**
- * @param {Place} place
- * @param {number} eastM
- */
-function xOf(place, eastM) {
-  return place.width / 2 + (eastM - place.centerE) / place.metresPerPx;
-}
-
-/**
- * @param {Place} place
- * @param {number} northM
- */
-function yOf(place, northM) {
-  return place.height / 2 - (northM - place.centerN) / place.metresPerPx;
 }

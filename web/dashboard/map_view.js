@@ -1,16 +1,20 @@
 // @ts-check
-// The map itself: OpenLayers moves and zooms, one canvas layer shows what is known. North is up, units are metres.
+// The map itself: OpenLayers moves and zooms; of two layers the lower is kept from picture to picture, the upper holds
+// what moves. North is up, units are metres.
 
 import { colors, onThemeChange } from '../shared/theme.js';
+import { MapBase } from './map_base.js';
 import { MapPainter } from './map_painter.js';
 import { remPx } from './uplot.js';
 
 /**
  * @typedef {import('./openlayers.js').OpenLayers} OpenLayers
- * @typedef {import('./map_painter.js').Scene} Scene
+ * @typedef {import('./map_place.js').Place} Place
+ * @typedef {import('./map_place.js').Scene} Scene
  */
 
-const COLORS = ['--line', '--dim', '--text', '--accent', '--vehicle', '--surface', '--warn', '--fault'];
+const BASE_COLORS = ['--line', '--dim', '--text', '--accent', '--fault', '--sunken'];
+const MOVING_COLORS = ['--text', '--accent', '--vehicle', '--surface', '--stale'];
 const LARGEST_M = 200_000;
 const FINEST_M_PER_PX = 0.004;
 const START_M_PER_PX = 0.15;
@@ -27,8 +31,12 @@ export class MapView {
   constructor(ol, target, scene) {
     this.scene = scene;
     this.target = target;
+    this.base = new MapBase();
     this.painter = new MapPainter();
-    this.canvas = document.createElement('canvas');
+    this.baseCanvas = mapCanvas();
+    this.canvas = mapCanvas();
+    /** @type {Place} */
+    this.place = { width: 0, height: 0, ratio: 1, centerE: 0, centerN: 0, metresPerPx: 1 };
     const projection = new ol.Projection({
       code: 'LOCAL-METRIC',
       units: 'm',
@@ -44,11 +52,12 @@ export class MapView {
       enableRotation: false,
       constrainResolution: false,
     });
-    this.layer = new ol.Layer({ render: (/** @type {any} */ frame) => this.paint(frame) });
+    this.layer = new ol.Layer({ render: (/** @type {any} */ frame) => this.paintBase(frame) });
+    this.moving = new ol.Layer({ render: (/** @type {any} */ frame) => this.paintMoving(frame) });
     this.map = new ol.Map({
       target,
       view: this.view,
-      layers: [this.layer],
+      layers: [this.layer, this.moving],
       controls: [],
       interactions: ol.defaultInteractions({ altShiftDragRotate: false, pinchRotate: false }),
     });
@@ -57,8 +66,10 @@ export class MapView {
   }
 
   readColors() {
-    this.painter.colors = colors(...COLORS);
-    this.painter.fontPx = Math.round(0.6875 * remPx());
+    this.base.colors = colors(...BASE_COLORS);
+    this.painter.colors = colors(...MOVING_COLORS);
+    this.base.fontPx = this.painter.fontPx = Math.round(0.6875 * remPx());
+    this.base.forget();
     this.redraw();
   }
 
@@ -68,21 +79,41 @@ export class MapView {
   }
 
   /** @param {any} frame  OpenLayers' frame state */
-  paint(frame) {
-    const { canvas } = this;
-    const [width, height] = frame.size;
-    const ratio = frame.pixelRatio;
-    const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
-    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
-    canvas.className = 'map-canvas';
-    const context = canvas.getContext('2d');
-    if (!context) return canvas;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, width, height);
-    const [centerE, centerN] = frame.viewState.center;
-    const metresPerPx = frame.viewState.resolution;
-    this.painter.draw(context, { width, height, centerE, centerN, metresPerPx }, this.scene);
-    return canvas;
+  paintBase(frame) {
+    const c = this.prepare(this.baseCanvas, frame);
+    if (c) this.base.draw(c, this.place, this.scene);
+    return this.baseCanvas;
+  }
+
+  /** @param {any} frame */
+  paintMoving(frame) {
+    const c = this.prepare(this.canvas, frame);
+    if (!c) return this.canvas;
+    c.clearRect(0, 0, this.place.width, this.place.height);
+    this.painter.draw(c, this.place, this.scene);
+    return this.canvas;
+  }
+
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {any} frame
+   */
+  prepare(canvas, frame) {
+    const { place } = this;
+    [place.width, place.height] = frame.size;
+    place.ratio = frame.pixelRatio;
+    [place.centerE, place.centerN] = frame.viewState.center;
+    place.metresPerPx = frame.viewState.resolution;
+    const width = Math.round(place.width * place.ratio);
+    const height = Math.round(place.height * place.ratio);
+    if (canvas.width !== width || canvas.height !== height) {
+      canvas.width = width;
+      canvas.height = height;
+      this.base.forget();
+    }
+    const c = canvas.getContext('2d');
+    c?.setTransform(place.ratio, 0, 0, place.ratio, 0, 0);
+    return c;
   }
 
   /**
@@ -143,6 +174,12 @@ export class MapView {
     const coordinate = this.map.getCoordinateFromPixel(pixel);
     return coordinate ? [coordinate[0], coordinate[1]] : null;
   }
+}
+
+function mapCanvas() {
+  const canvas = document.createElement('canvas');
+  canvas.className = 'map-canvas';
+  return canvas;
 }
 
 function isMotionReduced() {

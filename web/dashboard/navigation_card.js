@@ -61,6 +61,9 @@ export class NavigationCard {
     this.numbers = ROWS.map(() => make('span', { class: 'number none', text: '-' }));
     this.units = ROWS.map((row) => make('span', { class: 'unit', text: row.unit }));
     this.trust = make('p', { class: 'navigation-trust hint' });
+    // Read aloud; the sentence itself counts seconds, and would be read without end.
+    this.spokenKey = '';
+    this.spoken = make('p', { class: 'visually-hidden', role: 'status' });
     card.add(
       this.sentence,
       make(
@@ -76,6 +79,7 @@ export class NavigationCard {
         ),
       ),
       this.trust,
+      this.spoken,
     );
   }
 
@@ -86,7 +90,12 @@ export class NavigationCard {
       setNumber(this.numbers[i], row.text(state));
       setText(this.units[i], shownUnit(row.unit));
     });
-    setText(this.trust, trustSentence(state.sensors));
+    const trust = trustSentence(state.sensors);
+    setText(this.trust, trust);
+    const key = `${state.mode} ${trust}`;
+    if (key === this.spokenKey) return;
+    this.spokenKey = key;
+    setText(this.spoken, `${state.text ?? ''}. ${trust}`);
   }
 }
 

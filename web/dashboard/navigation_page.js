@@ -26,14 +26,15 @@ export class NavigationPage {
     this.calibration = new CalibrationPanel(act);
     this.consistency = new ConsistencyPanel();
     this.autopilot = new AutopilotPanel();
+    this.notice.root.classList.add('navigation-notice');
     root.append(
-      this.notice.root,
       make(
         'div',
         { class: 'navigation-panels' },
         make('div', {}, this.assistant.root, this.calibration.root),
         make('div', {}, this.consistency.root, this.autopilot.root),
       ),
+      this.notice.root,
     );
     setInterval(() => void this.poll(), POLL_MS);
   }

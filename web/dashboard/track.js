@@ -30,8 +30,8 @@ export class Track {
     this.fixes = [];
     /** @type {{latitudeDeg: number, longitudeDeg: number} | null} */
     this.origin = null;
-    /** Counts up with every change, for those who draw. */
-    this.version = 0;
+    /** Counts up when anything but the end has changed: who has drawn it draws it anew. */
+    this.epoch = 0;
   }
 
   /**
@@ -57,7 +57,6 @@ export class Track {
     this.speedMps[i] = isKnown(speedMps) ? speedMps : NaN;
     this.mode[i] = mode === 'aided' ? AIDED : DEAD_RECKONING;
     this.length += 1;
-    this.version += 1;
   }
 
   /** Full: every second point of the older half goes, so that a whole day keeps its shape. */
@@ -69,6 +68,7 @@ export class Track {
       to += 1;
     }
     this.length = to;
+    this.epoch += 1;
   }
 
   columns() {
@@ -78,15 +78,17 @@ export class Track {
   /** @param {Fix} fix */
   addFix(fix) {
     if (!isKnown(fix.northM) || !isKnown(fix.eastM)) return;
-    if (this.fixes.length >= FIXES_KEPT) this.fixes.splice(0, FIXES_KEPT / 2);
+    if (this.fixes.length >= FIXES_KEPT) {
+      this.fixes.splice(0, FIXES_KEPT / 2);
+      this.epoch += 1;
+    }
     this.fixes.push(fix);
-    this.version += 1;
   }
 
   clear() {
     this.length = 0;
     this.fixes.length = 0;
-    this.version += 1;
+    this.epoch += 1;
   }
 
   /**

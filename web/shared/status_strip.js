@@ -14,6 +14,9 @@ import { STATE_WORDS, asState, showState, stateIcon } from './status_icons.js';
  *   text: HTMLElement, data: ChipData}} ChipView
  */
 
+/** For a phone, where a name of ten letters has no room. @type {Record<string, string>} */
+const SHORT = { navigation: 'Nav' };
+
 /**
  * What is shown before, or without, any word from the services.
  * @param {Array<[string, string]>} names  id and label
@@ -100,7 +103,7 @@ export class StatusStrip {
       on: { click: () => (this.openId === id ? this.close(false) : this.open(id)) },
     });
     const icon = stateIcon();
-    const label = make('span', { class: 'chip-label' });
+    const label = make('span', { class: 'chip-label', dataset: SHORT[id] ? { short: SHORT[id] } : {} });
     const text = make('span', { class: 'chip-text' });
     button.append(icon, label, text);
     const item = make('li', { dataset: { part: id } }, button);

@@ -1,4 +1,5 @@
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import test from 'node:test';
 
 import {
@@ -12,6 +13,8 @@ import { COLORINGS, colorOf } from '../dashboard/map_colors.js';
 import { geoJsonOf, gpxOf } from '../dashboard/map_export.js';
 import { Track } from '../dashboard/track.js';
 
+/** @type {import('../shared/theme.js').Theme[]} */
+const THEMES = ['dark', 'light'];
 const ORIGIN = { latitude_deg: 47.6, longitude_deg: -2.7 };
 
 /** @param {number} count */
@@ -106,13 +109,50 @@ test('colours: unknown has its own, the largest uncertainty the last', () => {
   const uncertainty = COLORINGS.find((coloring) => coloring.key === 'uncertainty');
   assert.ok(uncertainty);
   assert.equal(uncertainty.step(track, 0), 0);
-  assert.equal(uncertainty.step(track, 59), uncertainty.palette.length - 1);
+  assert.equal(uncertainty.step(track, 59), uncertainty.palette.dark.length - 1);
   track.majorM[0] = NaN;
   assert.equal(uncertainty.step(track, 0), -1);
-  assert.ok(!uncertainty.palette.includes(colorOf(uncertainty, -1)));
+  for (const theme of THEMES)
+    assert.ok(!uncertainty.palette[theme].includes(colorOf(uncertainty, -1, theme)));
   for (const coloring of COLORINGS)
-    for (let i = 1; i < track.length; i += 1) assert.ok(coloring.step(track, i) < coloring.palette.length);
+    for (let i = 1; i < track.length; i += 1) {
+      const step = coloring.step(track, i);
+      assert.ok(step >= 0 && step < coloring.palette.dark.length && step < coloring.palette.light.length);
+    }
 });
+
+test('each colour of the track stands out from its ground, in both themes', () => {
+  const css = readFileSync(new URL('../shared/theme.css', import.meta.url), 'utf8');
+  const grounds = [...css.matchAll(/--sunken: (#[0-9a-f]{6})/g)].map((match) => match[1]);
+  assert.equal(grounds.length, 2);
+  const ground = { dark: grounds[0], light: grounds[1] };
+  for (const coloring of COLORINGS)
+    for (const theme of THEMES)
+      for (let step = -1; step < coloring.palette[theme].length; step += 1)
+        assert.ok(
+          contrast(colorOf(coloring, step, theme), ground[theme]) >= 3,
+          `${coloring.key} ${step} ${theme}`,
+        );
+});
+
+/**
+ * WCAG 2 contrast of two colours.
+ * @param {string} a
+ * @param {string} b
+ */
+function contrast(a, b) {
+  const [darker, lighter] = [luminance(a), luminance(b)].sort((x, y) => x - y);
+  return (lighter + 0.05) / (darker + 0.05);
+}
+
+/** @param {string} hex */
+function luminance(hex) {
+  const [r, g, b] = [1, 3, 5].map((at) => {
+    const level = parseInt(hex.slice(at, at + 2), 16) / 255;
+    return level <= 0.04045 ? level / 12.92 : ((level + 0.055) / 1.055) ** 2.4;
+  });
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
 
 test('GeoJSON has longitude first, depth as negative height, and says what is simulated', () => {
   const track = straight(4);
