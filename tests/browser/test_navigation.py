@@ -15,8 +15,9 @@ from dashboard_page import changed_messages, live, open_tab, until
 
 pytestmark = pytest.mark.browser
 
+# Of the upper layer: vehicle, ellipse, measured line.
 PAINTED = """() => {
-    const canvas = document.querySelector('.map-canvas');
+    const canvas = document.querySelectorAll('.map-canvas')[1];
     if (!canvas?.width) return 0;
     const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
     const colours = new Set();
@@ -103,7 +104,7 @@ def test_without_a_position_the_map_says_what_is_missing(system: RunningSystem, 
     page = open_page(system.dashboard, prepare=told(state(mode="attitude", sensors=waiting, **nothing)))
     live(page)
     expect(page.locator(".map-empty")).to_have_text(f"No position yet. GPS: {reason}")
-    expect(page.locator(".map-sentence")).to_be_hidden()
+    assert page.evaluate(PAINTED) == 0
     expect(cell(page, "North")).to_have_text("-")
     page.get_by_role("button", name="GPX").click()
     expect(page.locator(".map-cursor")).to_have_text("There is no track to save yet")
@@ -134,7 +135,7 @@ def test_a_distance_is_measured_between_two_clicks(system: RunningSystem, open_p
     live(page)
     until(page, lambda: page.evaluate(PAINTED) > 3)
     page.get_by_role("button", name="Measure").click()
-    expect(page.locator(".map-cursor")).to_have_text("Click two points")
+    expect(page.locator(".map-cursor")).to_have_text("Click two points, or Enter at the cross")
     box = page.locator(".map-target").bounding_box()
     assert box
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -146,6 +147,60 @@ def test_a_distance_is_measured_between_two_clicks(system: RunningSystem, open_p
     page.locator(".map-target").focus()
     page.keyboard.press("Escape")
     expect(page.get_by_role("button", name="Measure")).to_have_attribute("aria-pressed", "false")
+
+
+def test_a_distance_is_measured_by_the_keyboard(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.dashboard, prepare=told(state()), reduced_motion="reduce")
+    live(page)
+    until(page, lambda: page.evaluate(PAINTED) > 3)
+    page.locator(".map-target").focus()
+    page.keyboard.press("m")
+    page.keyboard.press("Enter")
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(150)  # the map's own animation of one step
+    page.keyboard.press("Enter")
+    expect(page.locator(".map-cursor")).to_have_text(re.compile(r"^[1-9]\d*\.\d m, bearing 090° true$"))
+
+
+def test_what_the_navigator_no_longer_says_is_told_with_its_age(system: RunningSystem, open_page: OpenPage) -> None:
+    silent = False
+
+    def change(message: dict[str, Any]) -> dict[str, Any] | None:
+        if message["topic"] != "navigation":
+            return message
+        return None if silent else {**message, "data": state()}
+
+    page = open_page(system.dashboard, prepare=changed_messages(change))
+    live(page)
+    expect(page.locator(".map-sentence")).to_have_text("Dead reckoning, within 8.0 m, 90 s since the last fix")
+    silent = True
+    expect(page.locator(".map-sentence")).to_have_text(re.compile(r"^\d+ s ago: Dead reckoning"))
+    expect(page.locator(".card-navigation")).to_have_class(re.compile("stale"))
+
+
+def test_a_change_of_trust_is_read_aloud_and_seconds_are_not(system: RunningSystem, open_page: OpenPage) -> None:
+    since_s = 90
+    doubted: list[dict[str, Any]] = []
+
+    def change(message: dict[str, Any]) -> dict[str, Any]:
+        nonlocal since_s
+        if message["topic"] != "navigation":
+            return message
+        since_s += 1
+        text = f"Dead reckoning, {since_s} s since the last fix"
+        return {**message, "data": state(text=text, sensors=[sensor("compass", "Compass"), *doubted])}
+
+    page = open_page(system.dashboard, prepare=changed_messages(change))
+    live(page)
+    spoken = page.locator(".card-navigation [role=status]")
+    expect(spoken).to_have_text(re.compile("Rests on Compass"))
+    first = spoken.inner_text()
+    seen = page.locator(".navigation-sentence").inner_text()
+    expect(page.locator(".navigation-sentence")).not_to_have_text(seen)
+    assert spoken.inner_text() == first
+    doubted.append(sensor("gps", "GPS", trust="rejected", reason="far away"))
+    expect(spoken).to_have_text(re.compile("Not trusted: GPS"))
 
 
 def test_the_track_is_saved_as_other_programs_read_it(

@@ -146,8 +146,9 @@ export class MapCard {
         ),
         this.empty,
         this.scaleBar,
+        this.cursor,
       ),
-      make('div', { class: 'map-foot' }, this.legend, this.cursor),
+      this.legend,
     );
     this.showWords();
   }
