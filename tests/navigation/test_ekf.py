@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 
 from bluerov_slam.navigation.chi_square import chi_square_quantile
 from bluerov_slam.navigation.ekf import ErrorStateFilter, Innovation
-from bluerov_slam.navigation.measurements import BlockValue, CompassHeading, Depth, HorizontalPosition, SensorAngles
+from bluerov_slam.navigation.measurements import (
+    BlockValue,
+    CompassHeading,
+    Depth,
+    GroundVelocity,
+    HorizontalPosition,
+    SensorAngles,
+    WaterVelocity,
+)
 from bluerov_slam.navigation.process import ProcessNoise
 from bluerov_slam.navigation.rotation import euler_from_rotation, exp_so3, log_so3, rotation_from_euler
 from bluerov_slam.navigation.state import NavEstimate, StateLayout
@@ -199,6 +207,25 @@ def test_a_large_first_heading_turns_the_covariance_with_it():
     errors = [log_so3(exp_so3((north, east, heading)) @ corrected.T)[:2] for north, east in draws]
     np.testing.assert_allclose(core.covariance[6:8, 6:8], np.cov(np.transpose(errors)), rtol=0.08, atol=2e-5)
     assert np.linalg.eigvalsh(core.covariance).min() > 0.0
+
+
+def test_what_nothing_on_board_can_see_is_not_learned_from_noise():
+    """A DVL and thrusters in a current, ten minutes, no compass: the heading stays as unknown as it was.
+
+    A turn of heading, velocity and current together changes no measurement. Left alone, noise in the estimate turns
+    the blind direction about and takes it for knowledge: the stated error falls from 10 deg to 1.3.
+    """
+    layout = StateLayout.make(without=("dvl", "compass", "compass_wander", "gyro_bias", "accel_bias"))
+    std = layout.vector(position=1.0, velocity=1.0, attitude=(1e-3, 1e-3, math.radians(10.0)), current=1.0)
+    still = ProcessNoise(gyro_noise_rad_per_sqrt_s=1e-6, current_walk_mps_per_sqrt_s=1e-3)
+    core = ErrorStateFilter(NavEstimate(layout, 0.0), std, still)
+    random = np.random.default_rng(4)
+    for step in range(1, 3000):
+        core.predict_kinematic(0.2 * step, 1e-6, 0.05)
+        ground = np.array([0.5, 0.2, 0.0]) + 0.015 * random.normal(size=3)
+        core.update(GroundVelocity(core.at_s, ground, 0.015**2 * np.eye(3)), None, None)
+        core.update(WaterVelocity(core.at_s, np.array([0.3, 0.0]) + 0.05 * random.normal(size=2), 0.05), None, None)
+    assert math.degrees(core.std("attitude")[2]) == pytest.approx(10.0, rel=0.1)
 
 
 def test_the_gate_refuses_what_one_right_value_in_a_thousand_exceeds():

@@ -1,8 +1,8 @@
 """Error-state extended Kalman filter on SO(3): predict, gate, weigh, update. It knows no sensor.
 
 The covariance is that of the error defined in `state`, updated in Joseph's form (safe for any gain) and kept exactly
-symmetric. After a correction the attitude's error is expressed about the corrected attitude, which turns its covariance
-by half the correction; that matters when the first heading moves the estimate by tens of degrees.
+symmetric. After a correction the errors are expressed about the corrected estimate (`turn_of_correction`): that
+matters when the first heading moves the estimate by tens of degrees, and over thousands of small corrections.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bluerov_slam.navigation.chi_square import chi_square_quantile
 from bluerov_slam.navigation.process import Earth, ImuSample, ProcessModel, ProcessNoise
-from bluerov_slam.navigation.rotation import left_jacobian
-from bluerov_slam.navigation.state import ATTITUDE, NavEstimate, StateLayout
+from bluerov_slam.navigation.state import ATTITUDE, NavEstimate, StateLayout, turn_of_correction
 
 Array = NDArray[np.float64]
 
@@ -74,8 +73,8 @@ class Recorder(Protocol):
     def predicted(self, estimate: NavEstimate, covariance: Array, top: Array | None, decay: Array | None) -> None:
         """A prediction ended in this estimate and covariance; without a transition: the filter begins with them."""
 
-    def updated(self, jacobian: Array, gain: Array, inverse: Array, residual: Array, reset: Array) -> None:
-        """A measurement was used; `reset` (3, 3) turns the attitude's error to the corrected attitude."""
+    def updated(self, jacobian: Array, gain: Array, inverse: Array, residual: Array, turn: Array) -> None:
+        """A measurement was used; `turn` (n, 3) as `turn_of_correction` has it."""
 
     def block_reset(self, place: slice) -> None:
         """What was known of these states was thrown away."""
@@ -245,21 +244,31 @@ class ErrorStateFilter:
             np.isfinite(self.covariance).all() and (self.covariance.diagonal() > 0.0).all()
         )
 
+    def _seen_on_board(self, jacobian: Array) -> bool:
+        """Whether a measurement is blind to a turn of heading, velocity and current together, and to the position."""
+        values = self.estimate.values
+        blind = jacobian[:, 8] - jacobian[:, 3] * values[4] + jacobian[:, 4] * values[3]
+        if "current" in self.layout:
+            place = self.layout.places["current"].start
+            blind = blind - jacobian[:, place] * values[place + 1] + jacobian[:, place + 1] * values[place]
+        return bool(np.abs(blind).max() < 1e-9) and not jacobian[:, :2].any()
+
     def _correct(self, residual: Array, jacobian: Array, noise: Array, carried: Array, inverse: Array) -> None:
         """Joseph's form: with A = P - K H P it is A (1 - K H)' + K R K' = A - (A H' - K R) K'."""
         gain = carried @ inverse
         error = gain @ residual
         covariance = self.covariance
+        along = error if self._seen_on_board(jacobian) else covariance[:, 8] * (error[8] / covariance[8, 8])
         covariance -= gain @ carried.T
         covariance -= (covariance @ jacobian.T - gain @ noise) @ gain.T
-        reset = left_jacobian(error[ATTITUDE])
-        covariance[ATTITUDE] = reset @ covariance[ATTITUDE]
-        covariance[:, ATTITUDE] = covariance[:, ATTITUDE] @ reset.T
+        turn = turn_of_correction(self.layout, error, along)
+        self.estimate.add_error(error)
+        covariance += turn @ covariance[ATTITUDE]
+        covariance += covariance[:, ATTITUDE] @ turn.T
         covariance += covariance.T.copy()
         covariance *= 0.5
-        self.estimate.add_error(error)
         if self.recorder is not None:
-            self.recorder.updated(jacobian, gain, inverse, residual, reset)
+            self.recorder.updated(jacobian, gain, inverse, residual, turn)
 
 
 def _inverse(covariance: Array) -> Array | None:

@@ -9,7 +9,7 @@ and at a stored estimate x with covariance P
 No covariance is inverted, so states that are known almost perfectly, or not excited at all, do no harm; and a
 covariance is stored only where a result is wanted. All of it is in the error state about the filter's own estimates:
 where the filter corrected its estimate the error was expressed anew about the corrected one, and so is l. At the end
-the smoothed error moves the stored estimate and its covariance is turned to the smoothed attitude.
+the smoothed error moves the stored estimate, and its covariance is expressed about the moved one.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.navigation.rotation import left_jacobian
-from bluerov_slam.navigation.state import ATTITUDE, NavEstimate
+from bluerov_slam.navigation.state import ATTITUDE, NavEstimate, turn_of_correction
 
 Array = NDArray[np.float64]
 
@@ -41,13 +40,13 @@ class PredictionStep:
 
 @dataclass(frozen=True, slots=True)
 class UpdateStep:
-    """A measurement that was used: H, K, inverse of S, residual, and the turn of the attitude's error."""
+    """A measurement that was used: H, K, inverse of S, residual, and `turn_of_correction`."""
 
     jacobian: Array
     gain: Array
     inverse: Array
     residual: Array
-    reset: Array
+    turn: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +89,9 @@ class StepRecorder:
         self._newest = PredictionStep(top, decay, estimate.copy(), covariance.copy())
         self.steps.append(self._newest)
 
-    def updated(self, jacobian: Array, gain: Array, inverse: Array, residual: Array, reset: Array) -> None:
+    def updated(self, jacobian: Array, gain: Array, inverse: Array, residual: Array, turn: Array) -> None:
         """Keep a correction."""
-        self.steps.append(UpdateStep(jacobian, gain, inverse, residual, reset))
+        self.steps.append(UpdateStep(jacobian, gain, inverse, residual, turn))
 
     def block_reset(self, place: slice) -> None:
         """Keep a reset."""
@@ -153,11 +152,11 @@ def _before_prediction(top: Array, decay: Array, vector: Array, matrix: Array) -
 
 
 def _before_update(step: UpdateStep, vector: Array, matrix: Array) -> tuple[Array, Array]:
-    """A' l + H' S^-1 r and A' L A + H' S^-1 H with A = reset (1 - K H)."""
+    """A' l + H' S^-1 r and A' L A + H' S^-1 H with A = (1 + turn E) (1 - K H), E picking the attitude's error."""
     jacobian, gain = step.jacobian, step.gain
-    vector[ATTITUDE] = step.reset.T @ vector[ATTITUDE]
-    matrix[ATTITUDE] = step.reset.T @ matrix[ATTITUDE]
-    matrix[:, ATTITUDE] = matrix[:, ATTITUDE] @ step.reset
+    vector[ATTITUDE] += step.turn.T @ vector
+    matrix[ATTITUDE] += step.turn.T @ matrix
+    matrix[:, ATTITUDE] += matrix @ step.turn
     vector = vector + jacobian.T @ (step.inverse @ step.residual - gain.T @ vector)
     carried = matrix @ gain
     half = (carried - 0.5 * jacobian.T @ (gain.T @ carried + step.inverse)) @ jacobian
@@ -167,9 +166,10 @@ def _before_update(step: UpdateStep, vector: Array, matrix: Array) -> tuple[Arra
 def _smoothed(estimate: NavEstimate, covariance: Array, vector: Array, matrix: Array) -> SmoothedState:
     error = covariance @ vector
     smoothed = covariance - covariance @ matrix @ covariance
-    turn = left_jacobian(error[ATTITUDE])
-    smoothed[ATTITUDE] = turn @ smoothed[ATTITUDE]
-    smoothed[:, ATTITUDE] = smoothed[:, ATTITUDE] @ turn.T
+    along = covariance[:, 8] * (error[8] / covariance[8, 8])
+    turn = turn_of_correction(estimate.layout, error, along)
     moved = estimate.copy()
     moved.add_error(error)
+    smoothed += turn @ smoothed[ATTITUDE]
+    smoothed += smoothed[:, ATTITUDE] @ turn.T
     return SmoothedState(moved.at_s, moved, 0.5 * (smoothed + smoothed.T))

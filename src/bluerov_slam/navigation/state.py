@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bluerov_slam.navigation.rotation import exp_so3, log_so3
+from bluerov_slam.navigation.rotation import exp_so3, left_jacobian, log_so3
 
 Array = NDArray[np.float64]
 
@@ -141,3 +141,27 @@ class NavEstimate:
     def is_finite(self) -> bool:
         """Whether every number is one."""
         return bool(np.isfinite(self.values).all() and np.isfinite(self.rotation_ned_frd).all())
+
+
+def turn_of_correction(layout: StateLayout, error: Array, along: Array) -> Array:
+    """How errors about an estimate become errors about the one moved by `error`: new = old + B (old attitude error).
+
+    Returns B (n, 3). The attitude's own error turns by half the correction. What is known in the body, a velocity or
+    the current as instruments on board see it, is v = R z in NED: an error of the heading turns it, and after it has
+    moved by `along` (n,) the error turns the moved one. Without this a turn of heading, course and current together,
+    which nothing on board can see, would point elsewhere after each correction, and noise would pass for knowledge.
+
+    Source of the idea: Barrau and Bonnabel (2017), doi:10.1109/TAC.2016.2594085.
+    """
+    turn = np.zeros((layout.size, 3))
+    turn[ATTITUDE] = left_jacobian(error[ATTITUDE])
+    turn[6, 0] -= 1.0
+    turn[7, 1] -= 1.0
+    turn[8, 2] -= 1.0
+    north, east, _, velocity_north, velocity_east = along[:5].tolist()
+    turn[0, 2], turn[1, 2] = -east, north
+    turn[3, 2], turn[4, 2] = -velocity_east, velocity_north
+    if "current" in layout:
+        place = layout.places["current"].start
+        turn[place, 2], turn[place + 1, 2] = -along[place + 1], along[place]
+    return turn
