@@ -154,6 +154,8 @@ class ProcessModel:
         self._wanders = [(layout[name], std, time) for name, std, time in self.noise.wanders() if name in layout]
         self._earth_rate: tuple[float, float, float] = tuple(self.earth.rate_ned_radps.tolist())
         self._earth_turns = any(self._earth_rate)
+        self.kinematic_velocity_time_s = math.inf
+        """Without an IMU the velocity dies away over this time; a caller that knows of drag may set it."""
         self._slow_for = math.nan
         self._slow = _SlowChange(np.ones(0), None, np.zeros(0))
         self._added_for = (math.nan, math.nan, math.nan)
@@ -214,10 +216,15 @@ class ProcessModel:
         return top
 
     def kinematic(self, estimate: NavEstimate, interval_s: float) -> Array:
-        """Move `estimate` on with its velocity and attitude kept; returns the top rows of the transition (9, 9)."""
+        """Move `estimate` on with its velocity dying away and its attitude kept; the transition's top rows (9, 9)."""
         top = np.eye(MOVING)
-        top[0, 3] = top[1, 4] = top[2, 5] = interval_s
-        estimate.values[POSITION] += interval_s * estimate.values[VELOCITY]
+        time_s = self.kinematic_velocity_time_s
+        left = math.exp(-interval_s / time_s)
+        reach_s = interval_s if math.isinf(time_s) else time_s * (1.0 - left)
+        top[0, 3] = top[1, 4] = top[2, 5] = reach_s
+        top[3, 3] = top[4, 4] = top[5, 5] = left
+        estimate.values[POSITION] += reach_s * estimate.values[VELOCITY]
+        estimate.values[VELOCITY] *= left
         self._end(estimate, interval_s)
         return top
 

@@ -17,7 +17,7 @@ from bluerov_slam.navigation.attitude.calibration import Calibration, Calibratio
 from bluerov_slam.navigation.measurements import Depth
 from bluerov_slam.navigation.smoother import StepRecorder, smooth
 from bluerov_slam.pipeline.navigator_actions import Actions
-from bluerov_slam.pipeline.navigator_aids import Aids
+from bluerov_slam.pipeline.navigator_aids import VELOCITY_MISSED_AFTER_S, Aids
 from bluerov_slam.pipeline.navigator_commands import (
     CalibrationProgress,
     NavigatorAction,
@@ -386,8 +386,10 @@ class Navigator:
         to_s = min(to_s, core.now_s)
         if angles is None and to_s - core.motion_s < options.silent_after_s:
             return False
-        walk = options.kinematic_attitude_walk_rad
-        core.timeline.kinematic(to_s, walk, options.kinematic_velocity_walk_mps)
+        aided = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
+        time_s = math.inf if aided else options.kinematic_velocity_time_s
+        walks = options.kinematic_attitude_walk_rad, options.kinematic_velocity_walk_mps
+        core.timeline.kinematic(to_s, *walks, time_s)
         if angles is not None:
             core.motion_s = max(core.motion_s, to_s)
             core.angular_rate_frd_radps = None

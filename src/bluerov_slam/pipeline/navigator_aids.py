@@ -112,8 +112,6 @@ class Aids:
         if not attitude_measured and at_s - self._level_s >= LEVEL_PERIOD_S:
             self._level_s = at_s
             self._core.offer(SensorAngles(at_s, 0.0, 0.0, None, LEVEL_STD_RAD, sensor=NO_SENSOR))
-        if at_s - self._core.velocity_aid_s >= VELOCITY_MISSED_AFTER_S:
-            self.limit_speed(at_s)
 
     def limit_speed(self, at_s: float) -> None:
         """One opinion in so many seconds that the speed through water is that of an ROV."""

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bluerov_slam.navigation.measurements import HorizontalPosition
-from bluerov_slam.navigation.process import Earth
+from bluerov_slam.navigation.process import Earth, ProcessModel
 from bluerov_slam.pipeline.navigator_fix import FixIntake, WanderingPosition
-from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence
-from bluerov_slam.pipeline.navigator_start import UNKNOWN_HEADING_STD_RAD, UNKNOWN_POSITION_STD_M, compass_prior
+from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence, Streak
+from bluerov_slam.pipeline.navigator_start import (
+    UNKNOWN_HEADING_STD_RAD,
+    UNKNOWN_POSITION_STD_M,
+    compass_prior,
+    process_noise,
+)
 from bluerov_slam.pipeline.navigator_timeline import Snapped
 from bluerov_slam.pipeline.navigator_words import Fault, Wait
 from bluerov_slam.records import EventLevel
@@ -29,6 +35,13 @@ if TYPE_CHECKING:
 # A position that had to be forced shows that velocity and current were wrong as well.
 REACQUIRED_VELOCITY_STD_MPS = 0.3
 REACQUIRED_CURRENT_STD_MPS = 0.2
+# Refused fixes that agree with each other and lie no further off than this are a manoeuvre; beyond, they must persist.
+AGREE_WITHIN_M, AGREE_SPEED_MPS = 3.0, 2.0
+TURNED_WITHIN_M = 12.0
+TURNED_VELOCITY_STD_MPS = 0.5
+# The slow error follows the learned scale in steps, and its speed never goes below a fifth.
+WANDER_STEP = 0.1
+LEAST_WANDER = 0.2
 LABELS = {"gps": "GPS", "position": "position fixes"}
 
 
@@ -40,6 +53,10 @@ class Positions:
         options = core.options
         self.gps = GpsGate(options.gps, core.book["gps"])
         self.fixes = FixIntake(options.fix, core.book["position"])
+        self._wander_scale = 1.0
+        self._refused: dict[str, Streak] = {
+            source: Streak(AGREE_WITHIN_M, AGREE_SPEED_MPS) for source in ("gps", "position")
+        }
         speed = options.gps.consistent_speed_mps
         self._persistence = {
             "gps": Persistence(options.gps.jump_persists_s, options.gps.consistent_within_m, speed),
@@ -62,12 +79,31 @@ class Positions:
         if stated is None:
             return
         options = self._core.options.fix
+        scale = self._core.book["position"].noise_scale
+        self._scale_wander(scale)
         wander = options.std_m**2 * (1.0 - options.white_share**2)
         white = stated.covariance_m2 * options.white_share**2 + _beyond(
             stated.covariance_m2, wander, options.white_share
         )
-        white *= self._core.book["position"].noise_scale ** 2
+        white *= scale**2
         self._offer(stated.fix, "position", white, options.lever_arm_frd_m)
+
+    def _scale_wander(self, scale: float) -> None:
+        """Learned innovations show how fast the slow error changes, not how large it is: quiet fixes may all be wrong
+        by the same metres. So a smaller scale makes it slower; only a larger one makes it larger.
+        """
+        timeline = self._core.timeline
+        if timeline is None or abs(scale / self._wander_scale - 1.0) < WANDER_STEP:
+            return
+        self._wander_scale = scale
+        filter_ = timeline.filter
+        noise = process_noise(self._core.options)
+        noise = replace(
+            noise,
+            fix_wander_std_m=noise.fix_wander_std_m * max(scale, 1.0),
+            fix_wander_time_s=noise.fix_wander_time_s / min(max(scale, LEAST_WANDER), 1.0) ** 2,
+        )
+        filter_.process = ProcessModel(filter_.layout, noise, filter_.process.earth)
 
     def _gps(self, fix: Fix | None) -> None:
         if fix is None:
@@ -109,6 +145,7 @@ class Positions:
         core.book[source].changed = True
         if result.accepted:
             self._persistence[source].forget()
+            self._refused[source].end()
             if not core.position_known:
                 core.position_known = True
                 core.say(f"Position known, from {LABELS[source]}")
@@ -116,8 +153,25 @@ class Positions:
             return
         if source == "gps":
             core.book[source].refuse(Fault.GPS_JUMP, fix.arrived_s)
+        if source == "position" and self._turned(result, fix, measurement):
+            return
         if self._persistence[source].refused(fix):
             self._reacquire(source, place_ne_m, measurement)
+
+    def _turned(self, result: UpdateResult, fix: Fix, measurement: Measurement) -> bool:
+        """Two fixes in a row that were refused and agree: not echoes, but a vehicle that turned or stopped."""
+        core, streak = self._core, self._refused["position"]
+        off_m = float(np.sqrt(result.residual @ result.residual))
+        streak.add(fix)
+        if streak.length < 2 or off_m > TURNED_WITHIN_M or core.timeline is None:
+            return False
+        streak.end()
+        core.timeline.buffer.add_uncertainty("position", (off_m, off_m, 0.0))
+        core.timeline.buffer.add_uncertainty("velocity", (TURNED_VELOCITY_STD_MPS, TURNED_VELOCITY_STD_MPS, 0.0))
+        core.timeline.offer(Snapped(measurement, core.timeline.at_s), core.account)
+        core.last_fix_s = core.timeline.at_s
+        self._persistence["position"].forget()
+        return True
 
     def _settle(self, fix: Fix) -> None:
         """The first position: the origin, true north, and with it the heading."""

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 # Nearer to the estimate's instant than this (half an IMU interval at 20 Hz) a value is used as it is: at 0.5 m/s and
 # 20 deg/s that is 13 mm and half a degree, and it saves running the filter again for every value.
 NEAR_S = 0.026
+# A velocity that dies away and walks is followed in steps that are short against that.
+LONGEST_STEP_S = 1.0
+LONGEST_GAP_S = 600.0
 # What an IMU may have missed between two samples that lie further apart than usual.
 USUAL_INTERVAL_S = 0.12
 MISSED_RATE_RADPS = 0.15
@@ -112,8 +115,16 @@ class Timeline:
             self.buffer.add_uncertainty("velocity", MISSED_ACCELERATION_MPS2 * missed_s)
         self._use_due()
 
-    def kinematic(self, to_s: float, attitude_walk: float, velocity_walk: float) -> None:
-        """Move on without an IMU, stopping wherever a measurement waits."""
+    def kinematic(
+        self, to_s: float, attitude_walk: float, velocity_walk: float, velocity_time_s: float = math.inf
+    ) -> None:
+        """Move on without an IMU, stopping wherever a measurement waits, at least once a second."""
+        self.filter.process.kinematic_velocity_time_s = velocity_time_s
+        while to_s - self.at_s > LONGEST_STEP_S and to_s - self.at_s < LONGEST_GAP_S:
+            self._kinematic(self.at_s + LONGEST_STEP_S, attitude_walk, velocity_walk)
+        self._kinematic(to_s, attitude_walk, velocity_walk)
+
+    def _kinematic(self, to_s: float, attitude_walk: float, velocity_walk: float) -> None:
         while self._waiting and self._waiting[0][0] <= to_s:
             self.buffer.predict_kinematic(self._waiting[0][0], attitude_walk, velocity_walk)
             self._use_due()
