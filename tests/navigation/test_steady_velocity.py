@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bluerov_slam.navigation.ekf import ErrorStateFilter
-from bluerov_slam.navigation.measurements import BlockValue, WaterVelocity
+from bluerov_slam.navigation.measurements import BlockValue, GroundVelocity, WaterVelocity
 from bluerov_slam.navigation.process import ProcessNoise
-from bluerov_slam.navigation.state import NavEstimate
+from bluerov_slam.navigation.state import NavEstimate, StateLayout
 from bluerov_slam.navigation.steady_velocity import SteadyVelocity
 from navigation.simulated_motion import FULL, initial_std
 
@@ -87,3 +87,28 @@ def test_errors_of_the_model_do_not_pull_its_scale_to_zero():
     pulled, believed = learned_scale(with_steady=False)
     assert pulled < scale - 0.05
     assert believed < 0.8 * std
+
+
+def dvl_scale(*, with_steady: bool) -> tuple[float, float]:
+    """Scale of a DVL after ten minutes on one course, which says nothing of it, and its stated error."""
+    layout = StateLayout.make(
+        without=("compass", "compass_wander", "gyro_bias", "accel_bias", "current", "thrust_scale")
+    )
+    core = ErrorStateFilter(
+        NavEstimate(layout, 0.0), layout.vector(position=1.0, velocity=0.5, attitude=1e-4, dvl=0.01)
+    )
+    steady, random = SteadyVelocity(), np.random.default_rng(2)
+    for step in range(1, 3000):
+        core.predict_kinematic(0.2 * step, 1e-6, 0.02)
+        seen = np.array([0.5, 0.0, 0.0]) + 0.015 * random.normal(size=3)
+        lasting = steady.before(core.at_s, seen) if with_steady else None
+        core.update(GroundVelocity(core.at_s, seen, 0.015**2 * np.eye(3), steady_frd_mps=lasting), None, None)
+    place = layout["dvl"].start
+    return float(core.estimate.values[place]), math.sqrt(core.covariance[place, place])
+
+
+def test_a_dvls_scale_does_not_drift_by_the_noise_of_the_velocity():
+    scale, std = dvl_scale(with_steady=True)
+    assert abs(scale) < std
+    drifted, _ = dvl_scale(with_steady=False)
+    assert drifted < scale - std

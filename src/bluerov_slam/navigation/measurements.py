@@ -285,7 +285,8 @@ class GroundVelocity:
     """Velocity over ground in the instrument's axes (m/s), such as a DVL's bottom track, nominally along FRD.
 
     The instrument reads (1 + scale) times the truth and is turned by the mounting yaw from the body's axes (positive:
-    its x axis points to starboard of the bow). `angular_rate_frd_radps` is the gyro's, bias and all.
+    its x axis points to starboard of the bow). `angular_rate_frd_radps` is the gyro's, bias and all. `steady_frd_mps`
+    (2,) is what scale and yaw are learned from (`steady_velocity` says why); without it, the estimated velocity.
     """
 
     at_s: float
@@ -294,6 +295,7 @@ class GroundVelocity:
     angular_rate_frd_radps: ArrayLike = (0.0, 0.0, 0.0)
     lever_arm_frd_m: ArrayLike = NO_LEVER_M
     sensor: str = "dvl"
+    steady_frd_mps: ArrayLike | None = None
 
     def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
         """z = (1 + scale) Rz(yaw)' (R' v + w x l)."""
@@ -313,8 +315,11 @@ class GroundVelocity:
             jacobian[:, layout["gyro_bias"]] = gain @ skew(lever)
         if "dvl" in layout:
             place = layout["dvl"].start
-            jacobian[:, place] = seen
-            jacobian[:2, place + 1] = ((1.0 + scale) * seen[1], -(1.0 + scale) * seen[0])
+            lasting = seen
+            if self.steady_frd_mps is not None:
+                lasting = np.append(np.asarray(self.steady_frd_mps, dtype=np.float64) / (1.0 + scale), 0.0)
+            jacobian[:, place] = lasting
+            jacobian[:2, place + 1] = ((1.0 + scale) * lasting[1], -(1.0 + scale) * lasting[0])
         residual = np.asarray(self.velocity_frd_mps, dtype=np.float64) - (1.0 + scale) * seen
         return Innovation(residual, jacobian, self.covariance_m2ps2)
 

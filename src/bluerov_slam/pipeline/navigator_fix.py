@@ -10,6 +10,7 @@ import numpy as np
 
 from bluerov_slam.navigation.ekf import Innovation
 from bluerov_slam.navigation.measurements import GroundVelocity, HorizontalPosition
+from bluerov_slam.navigation.steady_velocity import SteadyVelocity
 from bluerov_slam.pipeline.navigator_gps import Fix
 from bluerov_slam.pipeline.navigator_watch import TimeWatch, all_finite
 from bluerov_slam.pipeline.navigator_words import Fault
@@ -115,6 +116,7 @@ class DvlIntake:
         self._options = options
         self._status = status
         self._times = TimeWatch(2.0)
+        self._steady = SteadyVelocity()
 
     def take(
         self, record: VehicleMotionDelta, measured_s: float, angular_rate_frd_radps: Array | None
@@ -142,10 +144,12 @@ class DvlIntake:
         self._status.wait_for(None, record.arrived_s)
         std_mps = math.hypot(self._options.std_mps, self._options.std_per_mps * speed) * self._status.noise_scale
         rate = np.zeros(3) if angular_rate_frd_radps is None else angular_rate_frd_radps
+        steady = self._steady.before(measured_s, velocity[:2])
         return GroundVelocity(
             measured_s - 0.5 * record.interval_s,
             velocity,
             std_mps * std_mps * np.eye(3),
             rate,
             self._options.lever_arm_frd_m,
+            steady_frd_mps=steady,
         )
