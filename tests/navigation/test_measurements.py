@@ -240,6 +240,13 @@ def test_a_compass_error_of_roll_reaches_the_heading_through_the_dip():
     assert compass(estimate).evaluate(estimate, FULL).jacobian[0, 6] == 0.0
 
 
+def test_a_dvls_scale_and_yaw_are_learned_from_the_steady_part():
+    estimate = NavEstimate(FULL, 0.0, velocity=(0.9, 0.2, 0.0), dvl=(0.25, 0.0))
+    measured = GroundVelocity(0.0, (0.5, 0.1, 0.0), np.eye(3), steady_frd_mps=(0.5, 0.25))
+    by_dvl = measured.evaluate(estimate, FULL).jacobian[:, FULL["dvl"]]
+    np.testing.assert_allclose(by_dvl, [[0.4, 0.25], [0.2, -0.5], [0.0, 0.0]])
+
+
 def test_the_thrusts_scale_is_learned_from_the_steady_part():
     estimate = NavEstimate(FULL, 0.0)
     innovation = WaterVelocity(0.0, (0.5, 0.1), 0.05, steady_frd_mps=(0.4, 0.0)).evaluate(estimate, FULL)
