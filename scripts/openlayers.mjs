@@ -6,5 +6,4 @@ export { default as TileLayer } from 'ol/layer/Tile.js';
 export { default as XYZ } from 'ol/source/XYZ.js';
 export { default as Projection } from 'ol/proj/Projection.js';
 export { addCoordinateTransforms, addProjection } from 'ol/proj.js';
-export { default as ScaleLine } from 'ol/control/ScaleLine.js';
 export { defaults as defaultInteractions } from 'ol/interaction/defaults.js';

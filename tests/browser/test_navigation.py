@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+import shutil
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from browser_rig import OpenPage, RunningSystem
+from bluerov_slam.navigation.local_frame import LocalFrame
+from browser_rig import OpenPage, RunningSystem, Watch
 from dashboard_page import changed_messages, live, open_tab, until
 
 pytestmark = pytest.mark.browser
@@ -254,3 +259,50 @@ def test_the_autopilot_panel_says_why_it_cannot_ask(system: RunningSystem, open_
     panel = page.locator(".panel-autopilot")
     expect(panel).to_contain_text(re.compile("MAVLink|autopilot"))
     expect(panel.get_by_role("button", name="Set parameters")).to_be_disabled()
+
+
+def flat_png(red: int, green: int, blue: int) -> bytes:
+    """A tile of one colour."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", 256, 256, 8, 2, 0, 0, 0)
+    rows = (b"\0" + bytes((red, green, blue)) * 256) * 256
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+TILE_COLOUR = """([dx, dy]) => {
+    const target = document.querySelector('.map-target').getBoundingClientRect();
+    const canvas = document.querySelector('.ol-layer canvas:not(.map-canvas)');
+    if (!canvas) return null;
+    const x = Math.round(((target.width / 2 + dx) * canvas.width) / target.width);
+    const y = Math.round(((target.height / 2 + dy) * canvas.height) / target.height);
+    return [...canvas.getContext('2d').getImageData(x, y, 1, 1).data.slice(0, 3)];
+}"""
+
+
+def test_the_users_own_tiles_lie_where_they_belong(system: RunningSystem, open_page: OpenPage, watch: Watch) -> None:
+    """Four tiles meet in a corner: 20 m east and 10 m north of the origin, so says the ellipsoid."""
+    watch.expect_complaints("willReadFrequently")
+    zoom, x, y = 18, 129100, 91900
+    latitude = math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * y / 2**zoom))))
+    longitude = x / 2**zoom * 360 - 180
+    origin = LocalFrame(latitude, longitude).to_geodetic(-10.0, -20.0)[:2]
+    colours = {(-1, -1): (255, 0, 0), (1, -1): (0, 255, 0), (-1, 1): (0, 0, 255), (1, 1): (255, 255, 0)}
+    folder = system.folder / "state" / "tiles"
+    try:
+        for (east, south), colour in colours.items():
+            path = folder / str(zoom) / str(x + min(east, 0)) / f"{y + min(south, 0)}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(flat_png(*colour))
+        here = state() | {"origin": {"latitude_deg": origin[0], "longitude_deg": origin[1]}}
+        here["position"] = here["position"] | {"north_m": 0.0, "east_m": 0.0}
+        page = open_page(system.dashboard, prepare=told(here), reduced_motion="reduce")
+        live(page)
+        for (east, south), colour in colours.items():
+            # One metre from the corner, at 0.15 m a pixel.
+            at = [(20.0 + east) / 0.15, (-10.0 + south) / 0.15]
+            until(page, lambda at=at, colour=colour: page.evaluate(TILE_COLOUR, at) == list(colour))
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

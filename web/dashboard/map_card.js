@@ -9,6 +9,7 @@ import { currentTheme, onThemeChange } from '../shared/theme.js';
 import { COLORINGS, lengthText } from './map_colors.js';
 import { geoJsonOf, gpxOf } from './map_export.js';
 import { MapView } from './map_view.js';
+import { MapTiles } from './map_tiles.js';
 import { MISSING_MAP, loadOpenLayers } from './openlayers.js';
 import { STALE_S, ageS } from './model.js';
 import { fileStamp } from './plot_export.js';
@@ -167,6 +168,9 @@ export class MapCard {
     this.view.view.on('change:resolution', () => this.showScale());
     this.showScale();
     this.center();
+    this.tiles = new MapTiles(ol, this.view);
+    this.tiles.setOrigin(this.track.origin);
+    void this.tiles.load();
   }
 
   /** @param {number} nowMs  of the newest message of the topic */
@@ -176,6 +180,7 @@ export class MapCard {
     this.scene.state = state;
     if (this.track.setOrigin(state.origin)) {
       this.hasCentred = false;
+      this.tiles?.setOrigin(this.track.origin);
       void this.fetchTrack();
     }
     const t = this.model.unixAt(nowMs);
@@ -213,6 +218,7 @@ export class MapCard {
       // The live track goes on without it; the page says elsewhere that the extension is silent.
       return;
     }
+    this.tiles?.setOrigin(this.track.origin);
     this.onTrack(this.track);
     this.showLegend();
     this.view?.redraw();
@@ -280,7 +286,7 @@ export class MapCard {
         }),
       ),
       make('span', { text: to }),
-      make('span', { class: 'map-line solid', text: 'aided' }),
+      make('span', { class: 'map-line solid', text: 'known by fixes' }),
       make('span', { class: 'map-line broken', text: 'dead reckoning' }),
       make('span', { class: 'map-fix used', text: 'fix used' }),
       make('span', { class: 'map-fix refused', text: 'rejected' }),

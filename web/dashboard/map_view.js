@@ -37,14 +37,15 @@ export class MapView {
     this.canvas = mapCanvas();
     /** @type {Place} */
     this.place = { width: 0, height: 0, ratio: 1, centerE: 0, centerN: 0, metresPerPx: 1 };
-    const projection = new ol.Projection({
+    this.projection = new ol.Projection({
       code: 'LOCAL-METRIC',
       units: 'm',
       extent: [-LARGEST_M, -LARGEST_M, LARGEST_M, LARGEST_M],
+      getPointResolution: (/** @type {number} */ resolution) => resolution,
     });
-    ol.addProjection(projection);
+    ol.addProjection(this.projection);
     this.view = new ol.View({
-      projection,
+      projection: this.projection,
       center: [0, 0],
       resolution: START_M_PER_PX,
       minResolution: FINEST_M_PER_PX,

@@ -11,6 +11,7 @@ import {
 } from '../dashboard/local_frame.js';
 import { COLORINGS, colorOf } from '../dashboard/map_colors.js';
 import { geoJsonOf, gpxOf } from '../dashboard/map_export.js';
+import { fromMercator, toMercator } from '../dashboard/map_tiles.js';
 import { Track } from '../dashboard/track.js';
 
 /** @type {import('../shared/theme.js').Theme[]} */
@@ -180,4 +181,16 @@ test('GPX tells the same points', () => {
 test('without an origin there is nothing to save', () => {
   assert.equal(geoJsonOf(new Track(4), { simulated: false }), null);
   assert.equal(gpxOf(new Track(4), { simulated: false }), null);
+});
+
+test('tiles: Web Mercator and back', () => {
+  // The edge of the square world, and a place by the defining formula.
+  const [x, y] = toMercator(85.0511287798066, 180);
+  assert.ok(Math.abs(x - 20037508.342789) < 1e-3 && Math.abs(y - 20037508.342789) < 1e-2);
+  assert.deepEqual(
+    toMercator(0, 0).map((metres) => Math.round(metres)),
+    [0, 0],
+  );
+  const back = fromMercator(...toMercator(47.6, -2.7));
+  assert.ok(Math.abs(back.latitudeDeg - 47.6) < 1e-10 && Math.abs(back.longitudeDeg + 2.7) < 1e-10);
 });

@@ -29,6 +29,8 @@ from bluerov_slam.services.extension_api import PAGE, ExtensionApi
 from bluerov_slam.services.extension_metrics import StatusCollector, metrics_page
 from bluerov_slam.services.http import WebServer, build_app, build_websocket_port_app
 from bluerov_slam.services.hub import Hub
+from bluerov_slam.services.map_tiles import FOLDER as TILES_FOLDER
+from bluerov_slam.services.map_tiles import MapTiles
 from bluerov_slam.services.navigation_api import NavigationApi
 from bluerov_slam.services.navigation_messages import Setup
 from bluerov_slam.services.navigation_service import NavigationService
@@ -144,6 +146,7 @@ class Extension:
         routes = [
             *self.api.routes(),
             *NavigationApi(self.navigation, self.vehicle.parameters, wall_time).routes(),
+            *MapTiles(store.settings.state_folder / TILES_FOLDER).routes(),
             *recording_routes(self.recordings, self.recorder),
         ]
         self.http = WebServer(build_app(PAGE, routes, guard=guard, metrics=metrics))
