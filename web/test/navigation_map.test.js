@@ -187,10 +187,7 @@ test('tiles: Web Mercator and back', () => {
   // The edge of the square world, and a place by the defining formula.
   const [x, y] = toMercator(85.0511287798066, 180);
   assert.ok(Math.abs(x - 20037508.342789) < 1e-3 && Math.abs(y - 20037508.342789) < 1e-2);
-  assert.deepEqual(
-    toMercator(0, 0).map((metres) => Math.round(metres)),
-    [0, 0],
-  );
+  for (const metres of toMercator(0, 0)) assert.ok(Math.abs(metres) < 1e-6);
   const back = fromMercator(...toMercator(47.6, -2.7));
   assert.ok(Math.abs(back.latitudeDeg - 47.6) < 1e-10 && Math.abs(back.longitudeDeg + 2.7) < 1e-10);
 });
