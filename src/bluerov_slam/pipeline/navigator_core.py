@@ -59,7 +59,12 @@ class Core:
         """Run this filter from now on."""
         options = self.options
         self.timeline = Timeline(
-            filter_, options.gate_probability, options.jump_m, options.jump_heading_rad, self._on_jump
+            filter_,
+            options.gate_probability,
+            options.jump_m,
+            options.jump_heading_rad,
+            self._on_jump,
+            options.imu.gyro_scale_std,
         )
         return self.timeline
 

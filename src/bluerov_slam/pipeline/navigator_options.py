@@ -26,6 +26,9 @@ class ImuOptions:
     # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h.
     gyro_bias_std_radps: float = math.radians(0.3)
     gyro_bias_walk_radps: float = 1.6e-6
+    # [choice] what a turn leaves of a gyro's scale error and misalignment, 1 to 2 % of consumer sensors: half a turn
+    # is wrong by 2 to 3 deg. Without it turns would teach the compass a deviation that it has not.
+    gyro_scale_std: float = 0.012
     # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug, and temperature.
     accelerometer_bias_std_mps2: float = 0.05
     accelerometer_bias_walk_mps2: float = 1e-4
@@ -127,7 +130,7 @@ class ThrustOptions:
 
     layout: ThrusterLayout | None = BLUEROV2  # None: another vehicle, its thrusters tell nothing
     noise_mps: float = 0.05  # [survey] per root second: gusts, tether, wash
-    scale_std: tuple[float, float] = (0.10, 0.10)  # [survey] 20 % of thrust is 11 % of speed; surge, sway
+    scale_std: tuple[float, float] = (0.10, 0.05)  # [survey] 20 % of thrust is 11 % of speed; sway half
     scale_walk: float = 1e-5
     current_std_mps: float = 0.2  # [survey] 0.05 to 0.4 m/s
     current_walk_mps: float = 1e-3  # [survey] 0.0005 to 0.003

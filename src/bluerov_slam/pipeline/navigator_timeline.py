@@ -26,6 +26,7 @@ LONGEST_GAP_S = 600.0
 # What an IMU may have missed between two samples that lie further apart than usual.
 USUAL_INTERVAL_S = 0.12
 MISSED_RATE_RADPS = 0.15
+WOBBLE_RADPS = 0.06
 MISSED_ACCELERATION_MPS2 = 0.3
 
 
@@ -69,6 +70,7 @@ class Timeline:
         jump_m: float,
         jump_rad: float,
         on_jump: Callable[[], None],
+        gyro_scale_std: float = 0.0,
     ) -> None:
         self.filter = filter_
         self.buffer = DelayBuffer(filter_)
@@ -77,6 +79,7 @@ class Timeline:
         self._jump_m = jump_m
         self._jump_rad = jump_rad
         self._on_jump = on_jump
+        self._gyro_scale_std = gyro_scale_std
         self._gate_probability = gate_probability
         self._waiting: list[tuple[float, int, Offer]] = []
         self._sequence = 0
@@ -109,6 +112,12 @@ class Timeline:
         if sample.at_s <= self.at_s:
             return
         self.buffer.predict_strapdown(sample)
+        rate = sample.angular_rate_frd_radps
+        turning_radps = math.sqrt(float(rate @ rate)) - WOBBLE_RADPS
+        if turning_radps > 0.0:
+            # As much after half a turn as the scale's error of it; wobbling, which adds up to nothing, is left out.
+            std_rad = self._gyro_scale_std * math.sqrt(math.pi * turning_radps * sample.interval_s)
+            self.buffer.add_uncertainty("attitude", (0.0, 0.0, std_rad))
         missed_s = sample.interval_s - USUAL_INTERVAL_S
         if missed_s > 0.0:
             self.buffer.add_uncertainty("attitude", MISSED_RATE_RADPS * missed_s)
