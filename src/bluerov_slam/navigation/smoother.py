@@ -25,7 +25,7 @@ from bluerov_slam.navigation.state import ATTITUDE, NavEstimate, turn_of_correct
 Array = NDArray[np.float64]
 
 KEEP_EVERY_S = 0.25
-"""A result every quarter of a second: at 2 m/s half a metre of track; 50 MB of covariances per hour."""
+"""A result every quarter of a second: at 2 m/s half a metre of track; 100 MB of covariances per hour."""
 
 
 @dataclass(slots=True)
