@@ -43,9 +43,10 @@ class ImuOptions:
     angle_heading_std_rad: float = math.radians(3.0)
     # Without an IMU velocity and attitude walk. [logs] yaw rate 17 to 23 deg/s at the 95th percentile.
     kinematic_attitude_walk_rad: float = 0.35
-    # An ROV stops and turns within seconds: where nothing measures its velocity it dies away to 0.4 m/s rms.
-    kinematic_velocity_walk_mps: float = 0.16
-    kinematic_velocity_time_s: float = 12.0
+    # An ROV stops and turns within seconds: where nothing measures its velocity it dies away, and keeps 0.4 m/s
+    # rms.
+    kinematic_velocity_walk_mps: float = 0.25
+    kinematic_velocity_time_s: float = 6.0
 
 
 @dataclass(frozen=True, slots=True)
