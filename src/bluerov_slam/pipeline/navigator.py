@@ -387,9 +387,12 @@ class Navigator:
         if angles is None and to_s - core.motion_s < options.silent_after_s:
             return False
         aided = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
-        time_s = math.inf if aided else options.kinematic_velocity_time_s
-        walks = options.kinematic_attitude_walk_rad, options.kinematic_velocity_walk_mps
-        core.timeline.kinematic(to_s, *walks, time_s)
+        walk, time_s = options.kinematic_velocity_walk_mps, options.kinematic_velocity_time_s
+        if to_s - (core.last_fix_s or -math.inf) > options.adrift_after_s:
+            walk, time_s = options.adrift_velocity_walk_mps, options.adrift_velocity_time_s
+        if aided:
+            walk, time_s = options.kinematic_velocity_walk_mps, math.inf
+        core.timeline.kinematic(to_s, options.kinematic_attitude_walk_rad, walk, time_s)
         if angles is not None:
             core.motion_s = max(core.motion_s, to_s)
             core.angular_rate_frd_radps = None

@@ -47,6 +47,10 @@ class ImuOptions:
     # rms.
     kinematic_velocity_walk_mps: float = 0.25
     kinematic_velocity_time_s: float = 6.0
+    # What is left when nothing was measured for longer: adrift with a current, 0.46 m/s rms that last.
+    adrift_after_s: float = 30.0
+    adrift_velocity_walk_mps: float = 0.12
+    adrift_velocity_time_s: float = 30.0
 
 
 @dataclass(frozen=True, slots=True)
