@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 import time
 from collections.abc import Callable
+from typing import Any
 
 from playwright.sync_api import FrameLocator, Page, WebSocketRoute, expect
 
@@ -89,6 +91,23 @@ def packed_ping(number: int, seconds: float, samples: bytes, gaps: tuple[tuple[i
         0x50, 1, 0, int(bool(gaps)), number, seconds, seconds, len(samples), 0, 20, 1, 0, len(gaps), 0, 0
     )
     return header + b"".join(struct.pack("<HH", *gap) for gap in gaps) + samples
+
+
+def with_vehicle(**values: Any) -> Callable[[Page], None]:
+    """Puts these into every message about the vehicle; pings pass."""
+
+    def handle(route: WebSocketRoute) -> None:
+        server = route.connect_to_server()
+
+        def downward(data: str | bytes) -> None:
+            message = json.loads(data) if isinstance(data, str) else None
+            if message and message["topic"] == "vehicle":
+                data = json.dumps({**message, "data": message["data"] | values})
+            route.send(data)
+
+        server.on_message(downward)
+
+    return lambda page: page.route_web_socket(re.compile(r"/ws$"), handle)
 
 
 def instead_of_pings(send: Callable[[WebSocketRoute], None]) -> Callable[[Page], None]:

@@ -1,8 +1,10 @@
 import asyncio
+import math
 import stat
 from types import SimpleNamespace
 
 import aiohttp
+import numpy as np
 import pytest
 from aiohttp import web
 
@@ -12,6 +14,7 @@ from bluerov_slam.records import Channel, SonarFrames
 from bluerov_slam.services.esp_link import CommandOutcome, CommandResult
 from bluerov_slam.services.hub import Hub
 from bluerov_slam.services.viewer_link import ViewerFacts, ViewerLink
+from nav_samples import nav_state
 from patience import PATIENCE_S
 from samples import ctd_sample, sensor_sample
 
@@ -227,3 +230,40 @@ async def test_a_viewer_that_left_is_forgotten(rig):
         while rig.link.viewers:
             await asyncio.sleep(0)
     rig.link.tell_fed()
+
+
+async def test_the_estimate_goes_along_while_it_is_fresh_and_only_as_far_as_it_is_known(rig):
+    async with connect(rig) as socket:
+        await greeted(socket)
+
+        async def estimate(at_s: float, **pose: object) -> dict[str, object]:
+            if pose:
+                rig.hub.publish(nav_state(**pose))
+            rig.hub.publish(sensor_sample(arrived_s=at_s))
+            rig.hub.publish(ctd_sample(arrived_s=at_s))
+            return (await socket.receive_json(timeout=PATIENCE_S))["estimate"]
+
+        unknown = dict.fromkeys(
+            ("latitude_deg", "longitude_deg", "within_m", "heading_deg", "heading_std_deg", "altitude_m")
+        )
+        assert await estimate(1.0) == unknown
+        covariance = np.diag([4.0, 1.0, 0.01, 1e-4, 1e-4, math.radians(2.0) ** 2])
+        known = {
+            "measured_s": 2.0,
+            "origin_deg": (47.6, -2.7),
+            "position_ned_m": (111.2, 0.0, 5.0),
+            "quaternion_ned_frd": (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)),
+            "pose_covariance": covariance,
+            "altitude_m": 6.5,
+        }
+        told = await estimate(2.0, **known)
+        assert told["latitude_deg"] == pytest.approx(47.601, abs=2e-6)
+        assert told["longitude_deg"] == pytest.approx(-2.7)
+        # 95 % of two degrees of freedom: 2.4477 times the larger deviation of 2 m.
+        assert told["within_m"] == pytest.approx(4.9, abs=0.01)
+        assert (told["heading_deg"], told["heading_std_deg"], told["altitude_m"]) == (90.0, 2.0, 6.5)
+        assert await estimate(2.0 + 3.0) == unknown
+        nowhere = await estimate(
+            6.0, **known | {"measured_s": 6.0, "origin_deg": None, "position_ned_m": None, "altitude_m": None}
+        )
+        assert (nowhere["latitude_deg"], nowhere["within_m"], nowhere["heading_deg"]) == (None, None, 90.0)

@@ -6,7 +6,7 @@ import { candidates } from '../viewer/feed.js';
 import { KEYS, isTakenBy, keyFor } from '../viewer/keyboard.js';
 import { PALETTES } from '../viewer/palettes.js';
 import { parsePreferences } from '../viewer/preferences.js';
-import { amplitudeText } from '../viewer/readout.js';
+import { amplitudeText, positionOf, positionText } from '../viewer/readout.js';
 import { FIELDS, outcomeText, parseField, readBack, samplesFor } from '../viewer/sonar_fields.js';
 import { FIRST_CHIPS, chipsOf, originOf, waitingText } from '../viewer/status.js';
 import { Track } from '../viewer/track.js';
@@ -24,6 +24,8 @@ const CONTACT = {
   time_unix_s: 1.7e9,
   latitude_deg: null,
   longitude_deg: null,
+  position_within_m: null,
+  ground_range_m: null,
 };
 
 const ALIVE = { ageS: 0.1, perS: 10, missed: 0, loss: { pings: 600, lost: 0, incomplete: 3 } };
@@ -220,8 +222,8 @@ test('contacts are read from a list or an object; what cannot be shown is left o
 test('CSV quotes what needs it, leaves unknown empty and disarms formulas', () => {
   const csv = contactsCsv([{ ...CONTACT, name: 'a "big", one', note: '=1+1' }]);
   const [head, row] = csv.split('\r\n');
-  assert.equal(head.split(',').length, 9);
-  assert.equal(row, `a1,"a ""big"", one",'=1+1,A,7,12.5,1700000000,,`);
+  assert.equal(head.split(',').length, 11);
+  assert.equal(row, `a1,"a ""big"", one",'=1+1,A,7,12.5,1700000000,,,,`);
 });
 
 test('a new contact gets a name that nobody has', () => {
@@ -305,6 +307,43 @@ test('a position is only as near as the vehicle said it was', () => {
   assert.equal(track.at(13.9)?.timeS, 12);
   assert.equal(track.at(14.1), null);
   assert.equal(new Track().at(1), null);
+});
+
+test('an echo lies to the side of the estimate, with its uncertainty, and says what was assumed', () => {
+  const gps = { heading_deg: 90, depth_m: 5, latitude_deg: 10, longitude_deg: 20 };
+  const estimate = {
+    latitude_deg: 47.6,
+    longitude_deg: -2.7,
+    within_m: 3,
+    heading_deg: 0,
+    heading_std_deg: 2,
+    altitude_m: 6,
+  };
+  const spot = { channel: /** @type {const} */ ('A'), rangeM: 10, timeS: 1 };
+  const at = (/** @type {object} */ change) => {
+    const track = new Track();
+    track.add({ ...gps, timeS: 1, estimate: { ...estimate, ...change } });
+    return track;
+  };
+  // 3-4-5: slant 10 m from 6 m above the bottom is 8 m over ground, due east of a vehicle that heads north.
+  const found = positionOf(spot, at({}));
+  assert.equal(found?.groundM, 8);
+  assert.ok(Math.abs((found?.latitudeDeg ?? 0) - 47.6) < 1e-9);
+  assert.ok(
+    Math.abs((found?.longitudeDeg ?? 0) + 2.7 - 8 / (111194.93 * Math.cos((47.6 * Math.PI) / 180))) < 1e-8,
+  );
+  assert.ok(Math.abs((found?.withinM ?? 0) - Math.hypot(3, (8 * 4 * Math.PI) / 180)) < 1e-9);
+  assert.match(positionText(spot, at({})), / \u00b13\.1 m$/);
+  assert.equal(positionOf(spot, at({ altitude_m: null }))?.groundM, null);
+  assert.match(positionText(spot, at({ altitude_m: null })), /m slant$/);
+  assert.equal(positionOf({ ...spot, rangeM: 5 }, at({}))?.groundM, null);
+  assert.equal(positionOf(spot, at({ heading_std_deg: null }))?.withinM, null);
+  // Without an estimate the GPS, whose error nobody tells; without both nothing.
+  const surface = positionOf(spot, at({ latitude_deg: null }));
+  assert.ok((surface?.latitudeDeg ?? 99) < 10 && surface?.withinM === null);
+  const none = new Track();
+  none.add({ ...gps, latitude_deg: null, timeS: 1 });
+  assert.equal(positionText(spot, none), '-');
 });
 
 test('amplitude, missing part and nothing are three different words', () => {

@@ -83,6 +83,8 @@ export class ContactDesk {
       time_unix_s: Number.isFinite(unixS) ? unixS : null,
       latitude_deg: position?.latitudeDeg ?? null,
       longitude_deg: position?.longitudeDeg ?? null,
+      position_within_m: rounded(position?.withinM),
+      ground_range_m: rounded(position?.groundM),
     };
   }
 
@@ -113,4 +115,9 @@ export class ContactDesk {
     this.placeMarkers();
     this.showTop(timeS + this.waterfall.windowS / 2);
   }
+}
+
+/** @param {number | null | undefined} metres to the centimetre */
+function rounded(metres) {
+  return typeof metres === 'number' ? Math.round(metres * 100) / 100 : null;
 }

@@ -14,6 +14,8 @@ import { call } from '../shared/api.js';
  * @property {number | null} time_unix_s
  * @property {number | null} latitude_deg
  * @property {number | null} longitude_deg
+ * @property {number | null} position_within_m radius of 95 %, null unknown
+ * @property {number | null} ground_range_m null: the position was made with the slant range
  */
 
 /** @type {(keyof Contact)[]} */
@@ -27,6 +29,8 @@ export const CONTACT_COLUMNS = [
   'time_unix_s',
   'latitude_deg',
   'longitude_deg',
+  'position_within_m',
+  'ground_range_m',
 ];
 
 /**

@@ -136,8 +136,30 @@ const EARTH_RADIUS_M = 6371008.8;
 const RAD = Math.PI / 180;
 
 /**
- * Where an echo lies if its slant range is taken as the way over ground: the vehicle's position, `rangeM` to the side.
- * Good to the height above the bottom; a bottom track would do better.
+ * The way over ground to an echo on a flat bottom, null where the height is unknown. Nearer than the height there is
+ * no bottom, only water.
+ * @param {number} slantM
+ * @param {number | null | undefined} altitudeM
+ */
+export function groundRangeM(slantM, altitudeM) {
+  if (typeof altitudeM !== 'number' || !(altitudeM >= 0)) return null;
+  return slantM > altitudeM ? Math.sqrt(slantM * slantM - altitudeM * altitudeM) : null;
+}
+
+/**
+ * Radius of 95 % about an echo: of the vehicle's own position, and of the heading over the way to it.
+ * @param {number | null} vehicleWithinM
+ * @param {number | null} headingStdDeg
+ * @param {number} rangeM
+ */
+export function echoWithinM(vehicleWithinM, headingStdDeg, rangeM) {
+  if (vehicleWithinM === null || headingStdDeg === null) return null;
+  return Math.hypot(vehicleWithinM, 2 * headingStdDeg * RAD * rangeM);
+}
+
+/**
+ * Where an echo lies: the vehicle's position, `rangeM` over ground to the side. If that is the slant range, it is good
+ * to the height above the bottom.
  * @param {number} latitudeDeg
  * @param {number} longitudeDeg
  * @param {number} headingDeg

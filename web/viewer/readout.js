@@ -3,7 +3,7 @@
 
 import { make, setText } from '../shared/dom.js';
 import { clockTime, count, fixed, geodetic, heading } from '../shared/format.js';
-import { echoPosition } from './ranging.js';
+import { echoPosition, echoWithinM, groundRangeM } from './ranging.js';
 import { LOST } from './row_table.js';
 
 /** @typedef {import('./waterfall.js').Waterfall} Waterfall */
@@ -16,7 +16,7 @@ const PLACES = /** @type {const} */ ([
   ['time', 'Time', 10, false, false],
   ['amplitude', 'Echo', 11, false, false],
   ['ping', 'Ping', 7, true, false],
-  ['position', 'Position', 26, true, false],
+  ['position', 'Position', 39, true, false],
   ['heading', 'Heading', 5, true, true],
   ['depth', 'Depth', 8, false, false],
 ]);
@@ -83,22 +83,49 @@ function clockWithTenths(unixS) {
 }
 
 /**
- * Where the echo lies, its slant range taken as the way over ground; hence the "about".
+ * Where the echo lies: by the navigator's estimate, else by the GPS of the surface (how good that is, nobody says).
+ * Where the height is unknown the slant range is taken as the way over ground.
  * @param {Spot} spot
  * @param {Track} track
- * @returns {{latitudeDeg: number, longitudeDeg: number} | null}
+ * @returns {{latitudeDeg: number, longitudeDeg: number, withinM: number | null, groundM: number | null} | null}
  */
 export function positionOf(spot, track) {
   const state = track.at(spot.timeS);
-  if (!state || state.latitude_deg === null || state.longitude_deg === null || state.heading_deg === null)
-    return null;
-  return echoPosition(state.latitude_deg, state.longitude_deg, state.heading_deg, spot.channel, spot.rangeM);
+  const estimate = state?.estimate;
+  const known = estimate && isPosition(estimate) ? estimate : state && isPosition(state) ? state : null;
+  if (!known) return null;
+  const groundM = groundRangeM(spot.rangeM, estimate?.altitude_m);
+  const rangeM = groundM ?? spot.rangeM;
+  const position = echoPosition(
+    known.latitude_deg,
+    known.longitude_deg,
+    known.heading_deg,
+    spot.channel,
+    rangeM,
+  );
+  const isEstimate = known === estimate;
+  const withinM = isEstimate ? echoWithinM(estimate.within_m, estimate.heading_std_deg, rangeM) : null;
+  return { ...position, withinM, groundM };
+}
+
+/**
+ * @param {{latitude_deg: number | null, longitude_deg: number | null, heading_deg: number | null}} state
+ * @returns {state is {latitude_deg: number, longitude_deg: number, heading_deg: number}}
+ */
+function isPosition(state) {
+  return (
+    Number.isFinite(state.latitude_deg) &&
+    Number.isFinite(state.longitude_deg) &&
+    Number.isFinite(state.heading_deg)
+  );
 }
 
 /** @param {Spot} spot @param {Track} track */
-function positionText(spot, track) {
+export function positionText(spot, track) {
   const position = positionOf(spot, track);
-  if (!position) return 'unknown';
-  const { latitudeDeg, longitudeDeg } = position;
-  return `\u2248 ${geodetic(latitudeDeg, 'latitude', 5)}, ${geodetic(longitudeDeg, 'longitude', 5)}`;
+  if (!position) return '-';
+  const { latitudeDeg, longitudeDeg, withinM, groundM } = position;
+  const within = withinM === null ? '' : ` \u00b1${fixed(withinM, withinM < 10 ? 1 : 0)} m`;
+  const slant = groundM === null ? ' slant' : '';
+  return `\u2248 ${geodetic(latitudeDeg, 'latitude', 5)}, ${geodetic(longitudeDeg, 'longitude', 5)}${within}${slant}`;
 }

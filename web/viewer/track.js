@@ -8,6 +8,14 @@
  * @property {number | null} depth_m
  * @property {number | null} latitude_deg
  * @property {number | null} longitude_deg
+ * @property {Estimate | null} [estimate] of the navigator
+ * @typedef {object} Estimate
+ * @property {number | null} latitude_deg
+ * @property {number | null} longitude_deg
+ * @property {number | null} within_m radius of 95 %
+ * @property {number | null} heading_deg true
+ * @property {number | null} heading_std_deg
+ * @property {number | null} altitude_m
  */
 
 const MOST_STATES = 20000;

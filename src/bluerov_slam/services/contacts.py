@@ -28,6 +28,9 @@ NUMBER_LIMITS = {
     "time_unix_s": (0.0, 1e11),
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),
+    # Radius of 95 % about the position; the way over ground to it, null where the slant range had to do.
+    "position_within_m": (0.0, 1e6),
+    "ground_range_m": (0.0, 200.0),
 }
 FIELDS = ("name", "note", "channel", *NUMBER_LIMITS)
 

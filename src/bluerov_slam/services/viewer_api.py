@@ -75,6 +75,8 @@ _CONTACT_SCHEMA = {
         "time_unix_s": {"type": "number", "nullable": True},
         "latitude_deg": {"type": "number", "nullable": True},
         "longitude_deg": {"type": "number", "nullable": True},
+        "position_within_m": {"type": "number", "nullable": True},
+        "ground_range_m": {"type": "number", "nullable": True},
     },
 }
 

@@ -17,8 +17,10 @@ import orjson
 from aiohttp import WSMsgType, web
 
 from bluerov_slam.errors import RecordingError
+from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.protocol.kogger_frame import KOGGER_SYNC, KoggerId
-from bluerov_slam.records import Channel, CtdSample, SensorSample, SonarFrames
+from bluerov_slam.protocol.navigation_json import error_ellipse, euler_angles_rad
+from bluerov_slam.records import Channel, CtdSample, NavState, SensorSample, SonarFrames
 from bluerov_slam.services.change_guard import is_bearer
 from bluerov_slam.services.esp_link import CommandOutcome, CommandResult
 from bluerov_slam.services.hub import Hub
@@ -30,6 +32,8 @@ TOKEN_FILE: Final = "viewer-link.token"  # noqa: S105  the name of the file, not
 MESSAGE_BYTES: Final = 16 * 1024
 QUEUE_LENGTH: Final = 500
 VEHICLE_PERIOD_S: Final = 0.5
+# An estimate older than this says nothing about now.
+POSE_FRESH_S: Final = 1.5
 HEARTBEAT_S: Final = 10.0
 # Commands under way at once for one viewer; more would only wait for the sonar.
 COMMANDS_AT_ONCE: Final = 8
@@ -74,9 +78,11 @@ class ViewerLink:
         self._recording: str | None = None
         self._vehicle_s = -math.inf
         self._sample: SensorSample | None = None
+        self._pose: NavState | None = None
         hub.subscribe(self._on_frames, SonarFrames, name="viewer link")
         hub.subscribe(self._on_sample, SensorSample, name="viewer link")
         hub.subscribe(self._on_ctd, CtdSample, name="viewer link")
+        hub.subscribe(self._on_pose, NavState, name="viewer link")
 
     @property
     def viewers(self) -> int:
@@ -209,12 +215,15 @@ class ViewerLink:
     def _on_sample(self, sample: SensorSample) -> None:
         self._sample = sample
 
+    def _on_pose(self, pose: NavState) -> None:
+        self._pose = pose
+
     def _on_ctd(self, ctd: CtdSample) -> None:
         sample = self._sample
         if not self._queues or sample is None or ctd.arrived_s - self._vehicle_s < VEHICLE_PERIOD_S * 0.9:
             return
         self._vehicle_s = ctd.arrived_s
-        self._send_all("vehicle", **vehicle_json(sample, ctd))
+        self._send_all("vehicle", **vehicle_json(sample, ctd), **pose_json(self._pose, ctd.arrived_s))
 
     def _send_all(self, kind: str, **values: Any) -> None:
         if self._queues:
@@ -235,6 +244,32 @@ def vehicle_json(sample: SensorSample, ctd: CtdSample) -> dict[str, Any]:
         "longitude_deg": sample.gps_longitude_deg,
         "sound_speed_mps": ctd.sound_speed_mps,
         "temperature_degc": ctd.temperature_degc,
+    }
+
+
+def pose_json(pose: NavState | None, now_s: float) -> dict[str, Any]:
+    """What the navigator estimates, under names of its own: a GPS position and an estimate are two things."""
+    place, within_m, heading_deg, heading_std_deg, altitude_m = None, None, None, None, None
+    if pose is not None and abs(now_s - pose.measured_s) <= POSE_FRESH_S:
+        altitude_m = pose.altitude_m
+        if pose.origin_deg is not None and pose.position_ned_m is not None:
+            place = LocalFrame(*pose.origin_deg).to_geodetic(*pose.position_ned_m)
+            ellipse = error_ellipse(pose.pose_covariance)
+            within_m = None if ellipse is None else round(ellipse.major_m, 2)
+        if pose.quaternion_ned_frd is not None:
+            heading_deg = _degrees(euler_angles_rad(pose.quaternion_ned_frd)[2])
+        if pose.pose_covariance is not None:
+            variance = float(pose.pose_covariance[5, 5])
+            heading_std_deg = _degrees(math.sqrt(variance)) if math.isfinite(variance) and variance >= 0 else None
+    return {
+        "estimate": {
+            "latitude_deg": None if place is None else round(place[0], 8),
+            "longitude_deg": None if place is None else round(place[1], 8),
+            "within_m": within_m,
+            "heading_deg": heading_deg,
+            "heading_std_deg": heading_std_deg,
+            "altitude_m": altitude_m,
+        }
     }
 
 

@@ -8,10 +8,10 @@ import struct
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from browser_rig import OpenPage, RunningSystem, Watch
-from viewer_page import READING, live, put_cursor, settled, until
+from viewer_page import READING, live, put_cursor, settled, until, with_vehicle
 
 pytestmark = pytest.mark.browser
 
@@ -93,6 +93,49 @@ def test_the_cursor_reads_range_time_and_amplitude(system: RunningSystem, open_p
     expect(page.locator("#readout-range")).to_have_text(re.compile(r"^\d+\.\d\d m port$"))
     expect(page.locator("#readout-time")).to_have_text(re.compile(r"^\d\d:\d\d:\d\d\.\d$"))
     expect(page.locator("#readout-amplitude")).to_have_text(re.compile(r"^(\d+ \(\d+ %\)|missing|lost|-)$"))
+
+
+def cursor_on_known_vehicle(page: Page) -> tuple[float, float]:
+    """The mouse on starboard, at a time at which this page was told about the vehicle."""
+    live(page)
+    until(page, "viewer.track.states.length > 4")
+    settled(page)
+    known = "viewer.overlay.locate({channel: 'A', rangeM: 10, timeS: viewer.track.states[3].timeS})"
+    until(page, f"{known} !== null")
+    place, box = page.evaluate(known), page.locator("#stage").bounding_box()
+    assert box
+    at = (box["x"] + place["x"], box["y"] + place["y"])
+    page.mouse.move(*at)
+    return at
+
+
+def test_the_position_under_the_cursor_is_the_estimates_with_its_uncertainty(
+    system: RunningSystem, open_page: OpenPage
+) -> None:
+    estimate = {
+        "latitude_deg": 47.6, "longitude_deg": -2.7, "within_m": 3.0, "heading_deg": 0.0, "heading_std_deg": 0.0,
+        "altitude_m": None,
+    }  # fmt: skip
+    page = open_page(system.viewer, prepare=with_vehicle(latitude_deg=None, longitude_deg=None, estimate=estimate))
+    at = cursor_on_known_vehicle(page)
+    position = page.locator("#readout-position")
+    # Heading north: the echo to starboard lies due east. No height above the bottom is known, and that is said.
+    expect(position).to_have_text(re.compile(r"^≈ 47\.60000° N, 2\.699\d\d° W ±3\.0 m slant$"))
+    page.mouse.click(*at)
+    page.get_by_label("Name", exact=True).fill("East of north")
+    page.keyboard.press("Enter")
+    expect(page.locator("#drop")).to_be_hidden()
+    kept = system.get("api/contacts", system.viewer)["contacts"]
+    contact = next(contact for contact in kept if contact["name"] == "East of north")
+    assert (contact["position_within_m"], contact["ground_range_m"]) == (3.0, None)
+    assert -2.7 < contact["longitude_deg"] < -2.699
+
+
+def test_without_estimate_and_gps_the_position_is_a_dash(system: RunningSystem, open_page: OpenPage) -> None:
+    page = open_page(system.viewer, prepare=with_vehicle(latitude_deg=None, longitude_deg=None, estimate=None))
+    cursor_on_known_vehicle(page)
+    expect(page.locator("#readout-range")).not_to_have_text("-")
+    expect(page.locator("#readout-position")).to_have_text("-")
 
 
 def test_a_snapshot_is_a_png_as_wide_as_the_picture(system: RunningSystem, open_page: OpenPage) -> None:
