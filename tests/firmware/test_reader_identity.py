@@ -39,9 +39,7 @@ def program() -> Path:
 
 def random_imu(rng: random.Random) -> bytes:
     axes = [tuple(rng.randint(-32_768, 32_767) for _ in range(3)) for _ in range(3)]
-    packets = witmotion_packets(
-        ImuReading(axes[0], axes[1], axes[2], tuple(rng.uniform(-3.2, 3.2) for _ in range(3)), (0.0, 0.0, 0.0))
-    )
+    packets = witmotion_packets(ImuReading(axes[0], axes[1], axes[2], tuple(rng.uniform(-3.2, 3.2) for _ in range(3))))
     if rng.random() < 0.1:
         packets += witmotion_packet(rng.choice((0x50, 0x55, 0x5F)), [rng.randint(-32_768, 32_767) for _ in range(4)])
     return packets
