@@ -241,6 +241,8 @@ export class MapCard {
       this.view?.redraw();
     }
     if (stale) this.showWords(seconds);
+    // Units of the settings may come after the map.
+    this.showScale();
     this.showLegend();
   }
 
