@@ -47,8 +47,9 @@ export class DepthGauge extends Instrument {
     const top = this.fontPx * 0.7;
     const bottom = h - this.fontPx * 0.7;
     const labels = this.fontPx * 3.3;
-    const y = (/** @type {number} */ depthM) =>
-      top + (Math.max(0, Math.min(scale, shownValue(depthM, 'm'))) / scale) * (bottom - top);
+    const place = (/** @type {number} */ shown) =>
+      top + (Math.max(0, Math.min(scale, shown)) / scale) * (bottom - top);
+    const y = (/** @type {number} */ depthM) => place(shownValue(depthM, 'm'));
     c.fillStyle = sunken;
     c.fillRect(labels, top, w - labels, bottom - top);
     if (this.depth.target !== null) {
@@ -61,7 +62,7 @@ export class DepthGauge extends Instrument {
     c.textAlign = 'right';
     c.textBaseline = 'middle';
     for (let i = 0; i <= 10; i += 1) {
-      const markY = y((scale * i) / 10);
+      const markY = place((scale * i) / 10);
       c.strokeStyle = line;
       c.lineWidth = 1;
       c.beginPath();
