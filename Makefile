@@ -65,7 +65,7 @@ test-js:
 	npm run --silent test
 
 test-browser:
-	$(BIN)/pytest $(RERUNS) -m "browser and not long" tests/browser
+	$(BIN)/pytest -n 2 --dist loadfile $(RERUNS) -m "browser and not long" tests/browser
 
 firmware: ## the board's own program for this machine: firmware/build/brov-firmware
 	$(MAKE) -s -j2 -C firmware native
