@@ -24,6 +24,7 @@ SIZES = {
     "depth_bias": 0.2,
     "sound_speed_scale": 0.01,
     "dvl": 0.05,
+    "thruster_field": 0.1,
 }
 
 

@@ -145,6 +145,8 @@ class MagneticField:
     """Direction of the earth's field in the body (FRD, calibrated, any length): a heading the filter levels itself.
 
     Unlike with `CompassHeading` the filter knows how an error of its roll and pitch turns the levelled field.
+    `thruster_load` is the share of full current that the thrusters draw: their field, fixed to the hull, adds that
+    share of the block `thruster_field` (rad at full current) to B and C.
     """
 
     at_s: float
@@ -152,15 +154,16 @@ class MagneticField:
     declination_rad: float
     std_rad: float
     sensor: str = "compass"
+    thruster_load: float = 0.0
 
     def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
-        """Azimuth of R m = declination - (A + B cos + C sin + wander) where R is right."""
+        """Azimuth of R m = declination - (A + B cos + C sin + wander) where R is right; B, C grow with the load."""
         heading = _Heading.of(estimate)
         north, east, down = (estimate.rotation_ned_frd @ np.asarray(self.field_frd, dtype=np.float64)).tolist()
         level = north * north + east * east
         if heading is None or not level > 0.01 * (level + down * down):
             return None
-        deviation, jacobian = _deviation(heading, estimate, layout)
+        deviation, jacobian = _deviation(heading, estimate, layout, self.thruster_load)
         jacobian[0, 6] -= down * north / level
         jacobian[0, 7] -= down * east / level
         jacobian[0, 8] += 1.0
@@ -248,7 +251,8 @@ class WaterVelocity:
     """Velocity through the water (m/s, FRD) as a vehicle model has it: surge, sway and, if known, heave.
 
     True velocity through water = (1 + thrust_scale) x the model's. The current has no vertical part. `steady_frd_mps`
-    (2,) is what the scale is learned from (`steady_velocity` says why); without it, the velocity itself.
+    (2,) is what the scale is learned from (`steady_velocity` says why); without it, the velocity itself. What a wrong
+    scale makes of the rest is an error that the Jacobian does not show: `std_mps` has to hold it.
     """
 
     at_s: float
@@ -403,7 +407,9 @@ class _Heading:
         return cls(math.atan2(east, north), np.array((-down * north / level, -down * east / level, 1.0)))
 
 
-def _deviation(heading: _Heading, estimate: NavEstimate, layout: StateLayout) -> tuple[float, Array]:
+def _deviation(
+    heading: _Heading, estimate: NavEstimate, layout: StateLayout, thruster_load: float = 0.0
+) -> tuple[float, Array]:
     """A + B cos + C sin + wander, and its Jacobian (1, n)."""
     jacobian = np.zeros((1, layout.size))
     deviation = 0.0
@@ -414,6 +420,13 @@ def _deviation(heading: _Heading, estimate: NavEstimate, layout: StateLayout) ->
         deviation += constant + by_cosine * cosine + by_sine * sine
         jacobian[0, place] = (1.0, cosine, sine)
         jacobian[0, ATTITUDE] = (by_sine * cosine - by_cosine * sine) * heading.by_attitude
+    if thruster_load and "thruster_field" in layout:
+        place = layout["thruster_field"]
+        by_cosine, by_sine = (thruster_load * estimate.values[place]).tolist()
+        sine, cosine = math.sin(heading.angle_rad), math.cos(heading.angle_rad)
+        deviation += by_cosine * cosine + by_sine * sine
+        jacobian[0, place] = (thruster_load * cosine, thruster_load * sine)
+        jacobian[0, ATTITUDE] += (by_sine * cosine - by_cosine * sine) * heading.by_attitude
     if "compass_wander" in layout:
         place = layout["compass_wander"]
         deviation += float(estimate.values[place.start])

@@ -32,9 +32,6 @@ FROZEN_TURN_RAD = math.radians(10.0)
 REFERENCE_READINGS = 25
 # Without a calibration hard iron changes strength and dip as the vehicle turns: only gross changes are faults.
 UNCALIBRATED_TOLERANCE = 2.5
-# A thruster field calibration leaves about a third of the disturbance.
-CORRECTED_SHARE = 0.35
-EFFORT_TIME_S = 60.0
 
 
 class CompassIntake:
@@ -47,7 +44,6 @@ class CompassIntake:
         self._frozen_value: bytes | None = None
         self._turned_rad = np.zeros(3)
         self._taken_s = -math.inf
-        self._usual_effort: float | None = None
         self._norms: deque[float] = deque(maxlen=REFERENCE_READINGS)
         self._dips: deque[float] = deque(maxlen=REFERENCE_READINGS)
         self.expected_dip_rad: float | None = None
@@ -78,23 +74,9 @@ class CompassIntake:
             return None
         self._taken_s = at_s
         self._status.wait_for(None, record.arrived_s)
-        return MagneticField(at_s, field, declination_rad, self.std_rad(calibration, effort))
-
-    def std_rad(self, calibration: Calibration, effort: Array | None) -> float:
-        """White error of one heading, thrusters included."""
-        disturbed = (
-            0.0 if effort is None else self._options.throttle_std_rad * abs(self._unusual(float(np.mean(effort))))
-        )
-        if calibration.thruster_field is not None:
-            disturbed *= CORRECTED_SHARE
-        return math.hypot(self._options.std_rad * self._status.noise_scale, disturbed)
-
-    def _unusual(self, effort: float) -> float:
-        """How far the thrusters are from their load of the last minute: a steady field is deviation, not noise."""
-        if self._usual_effort is None:
-            self._usual_effort = effort
-        self._usual_effort += (effort - self._usual_effort) * self._options.period_s / EFFORT_TIME_S
-        return effort - self._usual_effort
+        std_rad = self._options.std_rad * self._status.noise_scale
+        load = 0.0 if effort is None else float(np.mean(effort))
+        return MagneticField(at_s, field, declination_rad, std_rad, thruster_load=load)
 
     def _raw_fault(self, record: ImuBurst) -> Fault | None:
         raw = record.magnetic_field_raw

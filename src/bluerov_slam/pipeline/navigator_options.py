@@ -73,8 +73,9 @@ class CompassOptions:
     # [choice] about twice what a moving vehicle shows: strength as a share, dip as an angle.
     norm_tolerance: float = 0.2
     dip_tolerance_rad: float = math.radians(10.0)
-    # [survey] 2 to 10 deg beside servos and power leads: added for a change from rest to full throttle.
+    # [survey] 2 to 10 deg beside servos and power leads, with all thrusters at full current; a state of its own.
     throttle_std_rad: float = math.radians(4.0)
+    thruster_calibrated_share: float = 0.35  # [choice] what a calibration of the thruster field leaves of it
     # [choice] values are taken this far apart: the field of cables and motors does not change from sample to sample.
     period_s: float = 0.5
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+THRUSTER_FIELD = "thruster_field"
 # What the first attitude is made from: enough to average samples of 20 Hz, short enough not to be waited for.
 START_S = 1.0
 START_AT_LEAST = 3
@@ -57,7 +58,7 @@ class NavigatorNoise(ProcessNoise):
         return (*ProcessNoise.wanders(self), (FIX_WANDER, self.fix_wander_std_m, self.fix_wander_time_s))
 
 
-LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=((FIX_WANDER, 2),))
+LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=((FIX_WANDER, 2), (THRUSTER_FIELD, 2)))
 """No ranges are measured yet, so the sound speed's scale is left out."""
 
 
@@ -194,6 +195,8 @@ def make_filter(
         thrust_scale=options.thrust.scale_std,
         compass=compass_std,
         compass_wander=options.compass.wander_std_rad,
+        thruster_field=options.compass.throttle_std_rad
+        * (1.0 if calibration.thruster_field is None else options.compass.thruster_calibrated_share),
         gps_wander=noise.gps_wander_std_m,
         depth_bias=depth_bias_std_m,
         dvl=(options.dvl.scale_std, options.dvl.yaw_std_rad),

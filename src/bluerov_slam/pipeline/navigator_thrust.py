@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bluerov_slam.navigation.measurements import WaterVelocity
 from bluerov_slam.navigation.steady_velocity import SteadyVelocity
 from bluerov_slam.navigation.vehicle_model import BLUEROV2, PWM_STOP_US, MovingVehicle, ThrustModel
@@ -12,7 +14,6 @@ from bluerov_slam.pipeline.navigator_watch import TimeWatch
 from bluerov_slam.pipeline.navigator_words import Fault, Wait
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from bluerov_slam.pipeline.navigator_options import ThrustOptions
@@ -113,7 +114,9 @@ class ThrustIntake:
         # Heave is left to the depth sensor, which knows it far better.
         surge_sway = velocity.velocity_frd_mps[:2]
         steady = self._steady.before(measured_s, surge_sway)
-        return WaterVelocity(measured_s, surge_sway, (std_mps, std_mps), steady_frd_mps=steady)
+        # The scale is learned from the steady part; what a wrong one makes of the rest is error.
+        changing_mps = np.array(self._options.scale_std) * np.abs(surge_sway - steady)
+        return WaterVelocity(measured_s, surge_sway, np.hypot(std_mps, changing_mps), steady_frd_mps=steady)
 
     def _swims(self, at_s: float, depth_m: float | None) -> bool:
         if self._ran_s is None:
