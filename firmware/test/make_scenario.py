@@ -100,7 +100,7 @@ def small_sensors(scenario: Scenario, rng: np.random.Generator) -> None:
         scenario.i2c(I2cInput.BUS, bytes((BUS_FINE,)), tick + 1)
     for end_ms in range(MEETING_MS, DURATION_MS + 1, 50):
         raw = [tuple(int(value) for value in rng.integers(-3000, 3000, 3)) for _ in range(3)]
-        reading = ImuReading(raw[0], raw[1], raw[2], (0.02, -0.05, 1.3), (0.0, 0.0, 1.0))
+        reading = ImuReading(raw[0], raw[1], raw[2], (0.02, -0.05, 1.3))
         scenario.paced(Port.IMU, witmotion_packets(reading), SENSOR_BAUD, ends_us=end_ms * 1000)
     for second, end_ms in enumerate(range(FIRST_MEETING_MS - 1000, DURATION_MS + 1, 1000)):
         utc = 1_760_000_000.0 + second
