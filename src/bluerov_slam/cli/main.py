@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import traceback
 
 import click
 
 from bluerov_slam import __version__
+from bluerov_slam.cli.lazy_group import LazyGroup
 from bluerov_slam.errors import ExpectedError
 
 # Sub-command name -> module of this package that holds a click command called `command`.
@@ -18,6 +18,7 @@ COMMANDS = {
     "extension": "extension",
     "health": "health",
     "import": "import_log",
+    "isbl": "isbl",
     "navigate": "navigate",
     "replay": "replay",
     "run": "run",
@@ -31,21 +32,7 @@ EXPECTED_FAILURE = 1
 CRASH = 70  # EX_SOFTWARE of sysexits.h
 
 
-class LazyGroup(click.Group):
-    """A group whose sub-commands are imported on first use: `--help` must not cost an import of the whole product."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        module = importlib.import_module(f"bluerov_slam.cli.{COMMANDS[cmd_name]}")
-        command: click.Command = module.command
-        return command
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, modules=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="bluerov-slam")
 def cli() -> None:
     """BlueROV SLAM: localization and side-scan sonar imaging for the BlueROV2."""

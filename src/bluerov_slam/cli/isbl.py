@@ -1,0 +1,17 @@
+"""`bluerov-slam isbl`: the acoustic positioning system and the thesis it comes from; one module for each sub-command."""
+
+from __future__ import annotations
+
+import click
+
+from bluerov_slam.cli.lazy_group import LazyGroup
+
+# Sub-command name -> module of this package that holds a click command called `command`.
+COMMANDS: dict[str, str] = {}
+
+
+@click.group(
+    name="isbl", cls=LazyGroup, modules=COMMANDS, short_help="Acoustic positioning: reproduce, solve, simulate."
+)
+def command() -> None:
+    """Acoustic positioning with an inverted short baseline (docs/acoustics.md)."""
