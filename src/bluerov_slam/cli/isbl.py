@@ -1,4 +1,4 @@
-"""`bluerov-slam isbl`: the acoustic positioning system and the thesis it comes from; one module for each sub-command."""
+"""`bluerov-slam isbl`: acoustic positioning and the thesis it comes from; one module for each sub-command."""
 
 from __future__ import annotations
 
