@@ -35,3 +35,7 @@ class CommandError(ExpectedError):
 
 class OutOfValidityError(ExpectedError):
     """A formula was asked for a value outside its published range."""
+
+
+class ArrayGeometryError(ExpectedError):
+    """The receivers of an acoustic array are too few, coincident or otherwise no array; names them."""
