@@ -25,6 +25,8 @@ BUCKETS = 60
 BACKWARD_TOLERANCE_US = 2_000_000
 # Millisecond stamps are made when the frame is queued: they run back only where a more urgent frame overtook another.
 BACKWARD_TOLERANCE_MS = 300
+# What waited for room on a slow link (a raw acoustic record) may be this old when it comes.
+LATE_TOLERANCE_US = 60_000_000
 # How far a device stamp may run ahead of the host's clock before it must be another boot that happens to look later.
 FORWARD_TOLERANCE_US = 5_000_000
 # An ESP32 crystal is good to 40 ppm; a fitted slope beyond this is noise.
@@ -73,6 +75,25 @@ class DeviceClock:
         """Host time of a stamp in device microseconds modulo 2^32 that arrived at `arrived_s`."""
         return self._map_stamp(t_us, arrived_s)
 
+    def map_late_us32(self, kind: int, t_us: int, arrived_s: float) -> float:
+        """`map_us32` for what is sent at the lowest priority: stamps that may be long past and tell no reset.
+
+        Stamps of one `kind` ascend among themselves; one that does not is of another boot and mapped as any other.
+        """
+        previous_us = self._last_late_us.get(kind)
+        ascends = previous_us is None or (t_us - previous_us) % _WRAP < _HALF
+        behind_us = 0 if self._last_us is None else (self._last_us - t_us) % _WRAP
+        if ascends and 0 < behind_us < LATE_TOLERANCE_US:
+            assert self._last_us is not None
+            device_s = (self._last_us - behind_us) / 1e6
+            measured_s = min(arrived_s, device_s + self._offset_at(device_s))
+        else:
+            measured_s = self._map_stamp(t_us, arrived_s)
+            if self._suspect_us is not None:
+                return measured_s
+        self._last_late_us[kind] = t_us
+        return measured_s
+
     def map_ms32(self, t_ms: int, arrived_s: float) -> float:
         """Host time of a stamp in device milliseconds modulo 2^32; also tells a reset that microseconds hide."""
         behind_ms = 0 if self._last_ms is None else (self._last_ms - t_ms) % _WRAP
@@ -110,6 +131,7 @@ class DeviceClock:
         self._suspect_us = None
         self._suspect_ms = None
         self._same_us = None
+        self._last_late_us: dict[int, int] = {}
         self._anchor_s = 0.0
         self._base_offset_s = float("inf")
         self._slope = 0.0

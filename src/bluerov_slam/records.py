@@ -388,6 +388,90 @@ class PositionFix:
 
 
 @dataclass(frozen=True, slots=True)
+class TimeDifferenceReading:
+    """ACOUSTIC_TDOA: what the acoustic board itself measured on one pulse.
+
+    `delays_s`: float64 (n-1,), arrival at the reference minus arrival at each other receiver, ascending; NaN where the
+    board measured none. `signal_std_counts`: float64 (n,), all receivers. `frame_bits`: the 14 bits as received.
+    """
+
+    measured_s: float
+    arrived_s: float
+    reference: int
+    delays_s: NDArray[np.float64]
+    signal_std_counts: NDArray[np.float64]
+    frame_bits: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class AcousticRecord:
+    """One record of all receivers, put together from ACOUSTIC_RECORD chunks or read from a file.
+
+    `samples`: int16 (receivers, samples), `measured_s` belongs to sample 0. `missing_samples` of each receiver never
+    arrived: they are zero in `samples` and lie in the half-open ranges of `holes`.
+    """
+
+    measured_s: float
+    arrived_s: float
+    record_id: int
+    sample_rate_hz: float
+    samples: NDArray[np.int16]
+    bits: int
+    trigger_index: int
+    missing_samples: int = 0
+    holes: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AcousticMessage:
+    """ACOUSTIC_MESSAGE: what the transmitter said, decoded and error-corrected by the acoustic board."""
+
+    measured_s: float
+    arrived_s: float
+    corrected_errors: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class AcousticFix:
+    """What one pulse of the transmitter tells, good or not: every pulse gives one, `reason` says what is wrong with it.
+
+    `receivers` are the used ones, the reference first; `delays_s`, `residuals_s` and `delay_covariance_s2` belong to
+    the others in that order (seconds, reference minus receiver). `snr_db` and `signal_std_counts` are of all receivers.
+    `alternatives` are delays one carrier period off that remain possible, with their probabilities. `azimuth_rad`
+    (right positive) and `elevation_rad` (down positive) point from the array to the transmitter in body FRD, with the
+    covariance of the two. `beacon_deg_m` is the transmitter's latitude, longitude and depth as `beacon_source` gave it.
+    `position_deg` and `covariance_ned_m2` are the vehicle's.
+    """
+
+    measured_s: float
+    arrived_s: float
+    accepted: bool
+    reason: str
+    sound_speed_mps: float
+    receivers: tuple[int, ...] = ()
+    delays_s: tuple[float, ...] = ()
+    delay_covariance_s2: tuple[tuple[float, ...], ...] = ()
+    residuals_s: tuple[float, ...] = ()
+    slip_probability: float | None = None
+    alternatives: tuple[tuple[tuple[float, ...], float], ...] = ()
+    azimuth_rad: float | None = None
+    elevation_rad: float | None = None
+    direction_covariance_rad2: tuple[tuple[float, float], tuple[float, float]] | None = None
+    range_m: float | None = None
+    range_std_m: float | None = None
+    snr_db: tuple[float | None, ...] = ()
+    signal_std_counts: tuple[float | None, ...] = ()
+    excluded: tuple[tuple[int, str], ...] = ()
+    frame_bits: int | None = None
+    record_id: int | None = None
+    beacon_deg_m: tuple[float, float, float | None] | None = None
+    beacon_source: str | None = None
+    position_deg: tuple[float, float] | None = None
+    covariance_ned_m2: tuple[tuple[float, ...], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class NavSensor:
     """What the navigator makes of one sensor.
 
@@ -455,5 +539,9 @@ Record = (
     | Event
     | VehicleRecord
     | PositionFix
+    | TimeDifferenceReading
+    | AcousticRecord
+    | AcousticMessage
+    | AcousticFix
     | NavState
 )

@@ -138,12 +138,10 @@ def test_a_host_pause_in_the_middle_of_a_ping_loses_nothing() -> None:
 
 def test_unknown_and_undecoded_types_are_counted_not_errors() -> None:
     decoder = LinkDecoder()
-    records = decoder.feed(
-        encode_frame(0x7E, b"abc") + encode_frame(MessageType.ACOUSTIC_TDOA, bytes(16)) + sensors(), 1
-    )
-    assert only(records, UnknownFrame) == [UnknownFrame(1, 0x7E, 3), UnknownFrame(1, 0x08, 16)]
+    records = decoder.feed(encode_frame(0x7E, b"abc") + encode_frame(MessageType.TIME_SYNC, bytes(9)) + sensors(), 1)
+    assert only(records, UnknownFrame) == [UnknownFrame(1, 0x7E, 3), UnknownFrame(1, 0x23, 9)]
     assert decoder.counters.unknown_types == {0x7E: 1}
-    assert decoder.counters.undecoded == {0x08: 1}
+    assert decoder.counters.undecoded == {0x23: 1}
     assert len(only(records, SensorSample)) == 1
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from bluerov_slam.protocol.acoustic_record_assembly import AssemblyCounters
 from bluerov_slam.records import Channel, LinkCounters, Sender
 
 
@@ -47,6 +48,7 @@ class LinkDecoderCounters:
     malformed: dict[int, int] = field(default_factory=dict)
     unknown_layouts: int = 0
     unknown_layout_reason: str = ""
+    acoustic_records: AssemblyCounters = field(default_factory=AssemblyCounters)
     sender: Sender | None = None
     device_resets: int = 0
     conductivity_distrusted: bool = False
