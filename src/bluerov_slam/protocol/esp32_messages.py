@@ -109,7 +109,7 @@ _LENGTHS = {
     MessageType.COMMAND_ACK: _lengths(_ACK.size, _ACK.size),
     MessageType.ACOUSTIC_TDOA: _lengths(4 + 6 * 2, 4 + 6 * _MAX_RECEIVERS, 6),
     MessageType.ACOUSTIC_RECORD: _lengths(22, 512),
-    MessageType.ACOUSTIC_MESSAGE: _lengths(6 + 1, 6 + 255),
+    MessageType.ACOUSTIC_MESSAGE: _lengths(6, 261),
     MessageType.GPS: _lengths(_GPS.size, _GPS.size),
     MessageType.KOGGER_COMMAND_A: _lengths(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
     MessageType.KOGGER_COMMAND_B: _lengths(1 + _BB55_MIN_BYTES, 1 + _BB55_MAX_BYTES),
