@@ -1,0 +1,160 @@
+"""What is wrong with a record or with a receiver, in words, before anybody computes with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bluerov_slam.acoustics.array import ReceiverArray
+from bluerov_slam.acoustics.pulse_train import REAL_CARRIER_HZ, STEPS_PER_BIT
+
+FloatArray = NDArray[np.float64]
+
+DEAD_STD_COUNTS = 0.25
+"""A living input shows the converter's own noise, half a count or more; a torn wire reads one value."""
+
+SILENT_STD_COUNTS = 10.0
+SILENT_SHARE = 0.15
+"""A receiver that hears this much less than the median of the others, and little in counts, hears nothing of use."""
+
+CLIPPED_RUN = 3
+"""Samples in a row at the end of the scale: one alone may be a peak that just fits."""
+
+CARRIER_BAND_HZ = (38_300.0, 41_700.0)
+"""Where the middle of the energy may lie: the real carriers and the resonances' 40 kHz, 4 % either way."""
+
+_SPECTRUM_HZ = (12_000.0, 110_000.0)
+_SWAP_GAIN = 5.0
+
+
+class Fault(Enum):
+    """What is wrong."""
+
+    DEAD = "dead"
+    SILENT = "silent"
+    CLIPPED = "clipped"
+    SHORT = "short"
+    SAMPLE_RATE = "sample_rate"
+    SWAPPED = "swapped"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordFault:
+    """One finding; `receivers` is empty where the whole record is meant. `usable`: a delay can still be had from it."""
+
+    fault: Fault
+    text: str
+    receivers: tuple[int, ...] = ()
+    usable: bool = False
+
+
+def examine_record(samples: ArrayLike, sample_rate_hz: float, bits: int = 12) -> tuple[RecordFault, ...]:
+    """Findings about a record (receivers, n) in counts about zero or about mid-scale."""
+    record = np.asarray(samples, dtype=np.float64)
+    bit_s = STEPS_PER_BIT * 0.5 / REAL_CARRIER_HZ[0]
+    length_s = record.shape[1] / sample_rate_hz
+    if length_s < bit_s:
+        text = f"the record lasts {1e3 * length_s:.2f} ms, one bit of a pulse {1e3 * bit_s:.2f} ms"
+        return (RecordFault(Fault.SHORT, text),)
+    findings = _receiver_faults(record, bits)
+    deaf = {each for finding in findings if not finding.usable for each in finding.receivers}
+    hearing = [each for each in range(len(record)) if each not in deaf]
+    if hearing and (finding := _rate_fault(record[hearing], sample_rate_hz)) is not None:
+        findings.append(finding)
+    return tuple(findings)
+
+
+def find_swapped(
+    delays_s: ArrayLike, array: ReceiverArray, sound_speed_mps: float, timing_std_s: float = 2e-6
+) -> RecordFault | None:
+    """Two receivers whose wires are exchanged, from the delays (pings, n-1) of several pings to receiver 0.
+
+    A far source gives arrival times that are linear in the receivers' places. Where they are not, by more than the
+    timing explains, and exchanging one pair makes them so, that pair is named. Not seen: an exchange that the array's
+    symmetry turns into another direction (opposite corners of the cross), and fewer receivers than the plane needs.
+    """
+    delays = np.atleast_2d(np.asarray(delays_s, dtype=np.float64))
+    arrivals = np.concatenate((np.zeros((len(delays), 1)), -delays), axis=1)
+    places = array.positions_m / sound_speed_mps
+    count = len(places)
+    if count < 4:
+        return None
+    straight = _misfit(arrivals, places)
+    if straight < 3.0 * timing_std_s:
+        return None
+    found: list[tuple[float, tuple[int, int]]] = []
+    for pair in combinations(range(count), 2):
+        order = list(range(count))
+        order[pair[0]], order[pair[1]] = pair[1], pair[0]
+        found.append((_misfit(arrivals[:, order], places), pair))
+    best = min(found)[0]
+    alike = [each for misfit, each in found if misfit < 1.5 * best + 0.5 * timing_std_s]
+    if best * _SWAP_GAIN > straight:
+        return None
+    names = " or ".join(f"{a} and {b}" for a, b in sorted(alike))
+    text = (
+        f"receivers {names} seem exchanged: {1e6 * straight:.0f} us off a plane wave, {1e6 * best:.1f} us if put right"
+    )
+    return RecordFault(Fault.SWAPPED, text, tuple(sorted({each for pair in alike for each in pair})))
+
+
+def _receiver_faults(record: FloatArray, bits: int) -> list[RecordFault]:
+    findings: list[RecordFault] = []
+    std_counts = record.std(axis=1)
+    for receiver, std in enumerate(std_counts.tolist()):
+        others = float(np.median(np.delete(std_counts, receiver))) if len(record) > 1 else std
+        if std < DEAD_STD_COUNTS:
+            findings.append(RecordFault(Fault.DEAD, f"stands still at {record[receiver, 0]:.0f} counts", (receiver,)))
+        elif std < SILENT_STD_COUNTS and std < SILENT_SHARE * others:
+            text = f"hears {std:.1f} counts where the others hear {others:.0f}"
+            findings.append(RecordFault(Fault.SILENT, text, (receiver,)))
+        elif (share := _clipped_share(record[receiver], bits)) > 0.0:
+            text = f"{100.0 * share:.1f} % of its samples stand at the end of the scale"
+            findings.append(RecordFault(Fault.CLIPPED, text, (receiver,), usable=True))
+    return findings
+
+
+def _clipped_share(wave: FloatArray, bits: int) -> float:
+    """Share of the samples in runs at either end of the scale, which lies about zero or begins there."""
+    half = 1 << (bits - 1)
+    low, high = (0, 2 * half - 1) if wave.min() >= 0.0 and wave.max() > half else (-half, half - 1)
+    at_end = (wave <= low) | (wave >= high)
+    run = at_end[: len(wave) - CLIPPED_RUN + 1].copy()
+    for shift in range(1, CLIPPED_RUN):
+        run &= at_end[shift : len(wave) - CLIPPED_RUN + 1 + shift]
+    return float(at_end.mean()) if run.any() else 0.0
+
+
+def _rate_fault(record: FloatArray, sample_rate_hz: float) -> RecordFault | None:
+    """Whether the energy lies where no transmitter sends: then the record was not sampled at the rate it says."""
+    count = record.shape[1]
+    power = np.abs(np.fft.rfft((record - record.mean(axis=1, keepdims=True)) * np.hanning(count), axis=1)) ** 2
+    total = power.sum(axis=0)
+    frequency_hz = np.arange(len(total)) * (sample_rate_hz / count)
+    inside = (frequency_hz > _SPECTRUM_HZ[0]) & (frequency_hz < min(_SPECTRUM_HZ[1], 0.5 * sample_rate_hz))
+    floor = float(np.median(total[inside]))
+    strong = np.where(inside & (total > 0.1 * total[inside].max()), total, 0.0)
+    if strong.max() < 20.0 * floor:
+        return None  # noise: nothing can be said
+    middle_hz = float((strong * frequency_hz).sum() / strong.sum())
+    if CARRIER_BAND_HZ[0] <= middle_hz <= CARRIER_BAND_HZ[1]:
+        return None
+    likely_hz = sample_rate_hz * 39_850.0 / middle_hz
+    text = (
+        f"the carrier comes out at {1e-3 * middle_hz:.1f} kHz: "
+        f"not sampled at {sample_rate_hz:.0f} Hz, more like {likely_hz:.0f}"
+    )
+    return RecordFault(Fault.SAMPLE_RATE, text)
+
+
+def _misfit(arrivals_s: FloatArray, places_s: FloatArray) -> float:
+    """Root mean square distance of arrival times (pings, n) from functions linear in the places (n, 3), in seconds."""
+    columns = np.column_stack((np.ones(len(places_s)), places_s))
+    left, singular, _ = np.linalg.svd(columns, full_matrices=True)
+    rank = int((singular > 1e-9 * singular[0]).sum())
+    rest = arrivals_s @ left[:, rank:]
+    return float(np.sqrt(np.mean(np.square(rest)))) if rest.size else 0.0
