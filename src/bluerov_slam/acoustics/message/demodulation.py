@@ -114,7 +114,8 @@ class _Band:
         first = int((CARRIER_RANGE_HZ[0] - _HALF_BAND_HZ) / resolution_hz)
         last = int((CARRIER_RANGE_HZ[1] + _HALF_BAND_HZ) / resolution_hz) + 1
         spectrum = np.fft.rfft(samples, length, axis=1)[:, first:last]
-        return cls(spectrum, np.arange(first, last) * resolution_hz, count / sample_rate_hz, chain)
+        frequency_hz = np.arange(first, last, dtype=np.float64) * resolution_hz
+        return cls(spectrum, frequency_hz, count / sample_rate_hz, chain)
 
     def matched(self, carrier_hz: float) -> tuple[ComplexArray, float, complex]:
         """Matched filter for a "1" at this carrier: baseband (receivers, times), time step (s), ringing into the next.
@@ -301,11 +302,11 @@ def _equalised(values: ComplexArray, bits: FloatArray) -> FloatArray:
     # Stack the values at k-1 .. k+8 of every receiver: each is a sum over bits k-9 .. k+9.
     offsets = lags
     spread = np.arange(offsets[0] - _ECHO_BITS, offsets[-1] + 2)
-    mixing = np.zeros((len(values), len(offsets), len(spread)), np.complex128)
+    taps = np.zeros((len(values), len(offsets), len(spread)), np.complex128)
     for row, offset in enumerate(offsets):
         for tap, lag in enumerate(lags):
-            mixing[:, row, offset - lag - spread[0]] = channel[:, tap]
-    mixing = mixing.reshape(-1, len(spread))
+            taps[:, row, offset - lag - spread[0]] = channel[:, tap]
+    mixing = taps.reshape(-1, len(spread))
     covariance = 0.25 * mixing @ mixing.conj().T + np.diag(np.repeat(noise, len(offsets)))
     wanted = mixing[:, -spread[0]]
     filter_ = np.linalg.solve(covariance, 0.25 * wanted)

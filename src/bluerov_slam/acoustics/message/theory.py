@@ -23,4 +23,5 @@ def coded_bit_error_bound(energy_to_noise: float) -> float:
 
 def energy_to_noise(snr_db: float, samples_per_bit: float, receivers: int) -> float:
     """E/N0 of a "1", all receivers together, from signal to (white) noise power per sample while ones are sent."""
-    return 10.0 ** (snr_db / 10.0) * samples_per_bit / 2.0 * receivers
+    ratio: float = 10.0 ** (snr_db / 10.0)
+    return ratio * samples_per_bit / 2.0 * receivers
