@@ -1,0 +1,1 @@
+"""What can be learnt about an array from its own data."""

@@ -1,0 +1,264 @@
+"""One entry to every method: a record in, delays with covariance, doubts and reasons out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bluerov_slam.acoustics.bounds import delay_covariance
+from bluerov_slam.acoustics.time_differences import joint, pairwise
+from bluerov_slam.acoustics.time_differences.band import BandSpectra, Windows, common_windows
+from bluerov_slam.acoustics.time_differences.checks import check_receivers
+from bluerov_slam.acoustics.time_differences.result import DelayPrior, TimeDifferences
+
+if TYPE_CHECKING:
+    from bluerov_slam.acoustics.array import ReceiverArray
+    from bluerov_slam.acoustics.calibration.responses import ReceiverResponses
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Method = Literal["thesis", "parabola", "band_limited", "matched", "phat", "envelope", "joint"]
+METHODS: tuple[Method, ...] = ("thesis", "parabola", "band_limited", "matched", "phat", "envelope", "joint")
+
+UNCALIBRATED_STD_S = 0.6e-6
+"""Arrival error of a receiver of unknown response: half a per cent of resonance at a quality of 16."""
+
+CALIBRATED_STD_S = 0.03e-6
+
+LEAST_ALTERNATIVE = 1e-3
+"""Cells less probable than this are not told."""
+
+
+def estimate_delays(
+    record_samples: ArrayLike,
+    sample_rate_hz: float,
+    array: ReceiverArray,
+    sound_speed_mps: float,
+    method: Method = "joint",
+    template: Array | None = None,
+    prior: DelayPrior | None = None,
+    responses: ReceiverResponses | None = None,
+) -> TimeDifferences:
+    """Time differences `toa_reference - toa_i` of one pulse.
+
+    Args:
+        record_samples: (n, samples), the receivers in the array's order; any unit.
+        template: For "matched": the pulse as a receiver would record it, at the same rate.
+        prior: Which delays to expect ("joint" alone asks): chooses among carrier cells.
+        responses: What distinguishes the receivers, from a calibration ("joint" alone asks). None: not known, and so
+            much uncertainty is added; `ReceiverResponses.identical` where they are known to be equal.
+    """
+    samples = np.asarray(record_samples, dtype=np.float64)
+    if samples.ndim != 2 or samples.shape[0] != len(array):
+        raise ValueError(f"record of shape {samples.shape}, expected {len(array)} receivers")
+    checked = check_receivers(samples, sample_rate_hz)
+    if len(checked.usable) < 2:
+        return nothing(samples.shape[0], checked.excluded)
+    record = _Record.of(samples, sample_rate_hz, array, sound_speed_mps, checked.usable)
+    if method == "joint":
+        return _joint(record, prior, responses, checked.excluded)
+    return _pairwise(record, method, template, checked.excluded)
+
+
+def nothing(count: int, excluded: tuple[tuple[int, str], ...]) -> TimeDifferences:
+    """An answer without delays."""
+    return TimeDifferences(
+        0,
+        np.zeros(0, dtype=np.intp),
+        np.zeros(0),
+        np.zeros((0, 0)),
+        float("nan"),
+        np.full(count, np.nan),
+        float("nan"),
+        excluded=excluded,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """The usable part of a record, its mean removed."""
+
+    samples: Array  # (k, samples)
+    sample_rate_hz: float
+    receivers: NDArray[np.intp]
+    receivers_m: Array  # (k, 3)
+    skew_s: Array  # (k,)
+    limits_s: Array  # (k, k)
+    sound_speed_mps: float
+    count: int  # receivers of the array
+
+    @classmethod
+    def of(
+        cls,
+        samples: Array,
+        sample_rate_hz: float,
+        array: ReceiverArray,
+        sound_speed_mps: float,
+        usable: NDArray[np.intp],
+    ) -> _Record:
+        taken = samples[usable]
+        places = array.positions_m[usable]
+        apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+        return cls(
+            taken - taken.mean(axis=1, keepdims=True),
+            sample_rate_hz,
+            usable,
+            places,
+            array.sample_skew_s[usable],
+            apart / sound_speed_mps,
+            sound_speed_mps,
+            len(samples),
+        )
+
+    @property
+    def skew_of_delays_s(self) -> Array:
+        """What delays between samples lack to be delays in time (k-1,)."""
+        skew: Array = self.skew_s[0] - self.skew_s[1:]
+        return skew
+
+    def per_receiver(self, values: Array) -> Array:
+        """(k,) spread over all receivers (n,), NaN for those left out."""
+        full = np.full(self.count, np.nan)
+        full[self.receivers] = values
+        return full
+
+
+def _pairwise(
+    record: _Record, method: Method, template: Array | None, excluded: tuple[tuple[int, str], ...]
+) -> TimeDifferences:
+    rate = record.sample_rate_hz
+    spectra = BandSpectra.of(record.samples, rate)
+    limits = record.limits_s[0, 1:] * pairwise.LAG_MARGIN
+    skew = record.skew_of_delays_s
+    if method == "thesis":
+        delays = pairwise.thesis(record.samples, rate)  # the skew is left in: as published
+    elif method == "parabola":
+        delays = pairwise.parabola(record.samples, rate) + skew
+    elif method == "phat":
+        delays = pairwise.phat(record.samples, rate) + skew
+    elif method == "envelope":
+        delays = pairwise.envelope(spectra, limits) + skew
+    elif method == "matched":
+        if template is None:
+            raise ValueError("the matched filter needs a template of the pulse")
+        delays = pairwise.matched(spectra, template, limits) + skew
+    else:
+        delays = pairwise.band_limited(spectra, limits) + skew
+    quality = _quality(record, spectra, np.concatenate(([0.0], -delays)))
+    covariance = quality.covariance_s2
+    if method in ("thesis", "phat"):
+        covariance = covariance + np.eye(len(delays)) / (12.0 * rate**2)
+    return TimeDifferences(
+        int(record.receivers[0]),
+        record.receivers,
+        delays,
+        covariance,
+        quality.carrier_hz,
+        record.per_receiver(quality.snr_db),
+        float("nan"),
+        excluded=excluded,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Quality:
+    covariance_s2: Array
+    snr_db: Array
+    carrier_hz: float
+
+
+def _quality(record: _Record, spectra: BandSpectra, arrivals_s: Array) -> _Quality:
+    """Of delays already found: from the windows that they align."""
+    windows = common_windows(spectra, record.samples, arrivals_s)
+    turns = np.exp(2j * np.pi * spectra.frequencies_hz * arrivals_s[:, None])
+    return _of_aligned(windows.spectra * turns, spectra, windows)
+
+
+def _of_aligned(aligned: ComplexArray, spectra: BandSpectra, windows: Windows) -> _Quality:
+    """What the common pulse leaves is noise, which gives the least covariance of the delays."""
+    count = len(aligned)
+    norms = np.sqrt(np.sum(np.abs(aligned) ** 2, axis=1))
+    pulse = np.mean(aligned / np.maximum(norms, 1e-300)[:, None], axis=0)
+    energy = max(float(np.sum(np.abs(pulse) ** 2)), 1e-300)
+    gains = np.real(aligned @ np.conj(pulse)) / energy
+    left = np.sum(np.abs(aligned - gains[:, None] * pulse) ** 2, axis=1) * count / (count - 1)
+    bins = aligned.shape[1]
+    independent = bins * windows.effective / spectra.size
+    noise = np.maximum(left, 1e-12 * norms**2) / bins * independent / (independent - 1.0)  # gain and arrival are fitted
+    # Bins of a zero-padded transform are not independent: so many samples share so large a transform. A bin's noise
+    # is spread over both its components, of which a shift of the pulse moves one.
+    density = 2.0 * np.abs(pulse) ** 2 * windows.effective / spectra.size
+    curvature = float(np.sum((2.0 * np.pi * spectra.frequencies_hz) ** 2 * density))
+    covariance = delay_covariance(gains**2 * curvature, noise)
+    carrier = float(np.abs(pulse) ** 2 @ spectra.frequencies_hz / energy)
+    return _Quality(covariance, windows.snr_db, carrier)
+
+
+def _joint(
+    record: _Record,
+    prior: DelayPrior | None,
+    responses: ReceiverResponses | None,
+    excluded: tuple[tuple[int, str], ...],
+) -> TimeDifferences:
+    rate = record.sample_rate_hz
+    spectra = BandSpectra.of(record.samples, rate)
+    relative = None if responses is None else responses.relative(spectra.frequencies_hz)[record.receivers]
+    values = spectra.values if relative is None else spectra.values / relative
+    std = UNCALIBRATED_STD_S if responses is None else responses.delay_std_s
+    coherence = joint.PairCoherence(spectra, values, record.limits_s)
+    geometry = joint.Geometry(record.receivers_m, record.sound_speed_mps)
+    cells = joint.search(
+        coherence,
+        geometry,
+        spectra.carrier_hz(),
+        joint.FREEDOM,
+        2.0 * std + 0.2e-6,
+        _expected(record, prior),
+        record.skew_s,
+    )
+    if not len(cells.arrivals_s):
+        return nothing(record.count, (*excluded, (-1, "no delays that a source could cause")))
+    start = cells.arrivals_s[0]
+    windows = common_windows(spectra, record.samples, start)
+    heard = windows.spectra if relative is None else windows.spectra / relative
+    weights = joint.equal_weights(heard)
+    arrivals, aligned = joint.refine(heard, spectra.frequencies_hz, weights, start)
+    quality = _of_aligned(aligned / weights[:, None], spectra, windows)
+    delays = -arrivals[1:] + record.skew_of_delays_s
+    probability = np.exp(cells.log_odds - cells.log_odds[0])
+    probability /= probability.sum()
+    other = tuple(
+        (delays - (cells.arrivals_s[each, 1:] - start[1:]), float(probability[each]))
+        for each in range(1, len(probability))
+        if probability[each] > LEAST_ALTERNATIVE
+    )
+    residual, _ = geometry.misfit((arrivals + record.skew_s)[None])
+    return TimeDifferences(
+        int(record.receivers[0]),
+        record.receivers,
+        delays,
+        quality.covariance_s2 + std**2 * (np.eye(len(delays)) + 1.0),
+        quality.carrier_hz,
+        record.per_receiver(quality.snr_db),
+        float(1.0 - probability[0]),
+        other,
+        excluded,
+        float(np.sqrt(np.mean(residual**2))),
+    )
+
+
+def _expected(record: _Record, prior: DelayPrior | None) -> tuple[Array, Array] | None:
+    """The prior as arrivals (k,) between samples after the first usable receiver's, and their inverse covariance."""
+    if prior is None:
+        return None
+    arrivals = np.concatenate(([0.0], -np.asarray(prior.delays_s, dtype=np.float64)))
+    size = len(arrivals)
+    covariance = np.zeros((size, size))
+    covariance[1:, 1:] = prior.covariance_s2
+    change = np.eye(size)[record.receivers[1:]] - np.eye(size)[record.receivers[0]]
+    chosen = change @ arrivals
+    inverse = np.linalg.inv(change @ covariance @ change.T + 1e-20 * np.eye(len(chosen)))
+    return np.concatenate(([0.0], chosen)) + record.skew_s[0] - record.skew_s, inverse

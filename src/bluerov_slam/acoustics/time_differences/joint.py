@@ -1,0 +1,275 @@
+"""All receivers at once: the delays at which the sum over all pairs of receivers is highest, as any source allows them.
+
+For an unknown pulse the most likely arrivals are those that make the steered sum strongest,
+
+    P(t) = sum_f |sum_i w_i X_i(f) exp(j 2 pi f t_i)|^2 = const + 2 sum_{i<j} w_i w_j Re C_ij(t_i - t_j),
+
+the correlations of all pairs together. P has a peak in every carrier cell, so the search has three steps:
+
+1. Per receiver the in-phase lags to the reference with the strongest envelope, within the physical limit.
+2. Receiver by receiver the combinations of those with the highest coherence of all pairs (a beam search: any number of
+   receivers), each held against the geometry: does a source exist (direction, and a range beyond the aperture) whose
+   delays these are? One slipped receiver of the square breaks the closure by a whole period.
+3. The best cells get their exact place by Newton's method on windows that cover the same part of the pulse.
+
+Coherence is that of the part two records share, so a pulse cut off by the window favours no lag. What the residual
+leaves is taken as noise of unknown level: the odds between two cells are (1 - coherence) to the power of the degrees of
+freedom, with which unequal receivers, not the noise, decide when a cell is sure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bluerov_slam.acoustics.time_differences.band import BandSpectra
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+LAG_MARGIN = 1.02
+"""Physical limits are widened by this: sound speed and positions are not exact."""
+
+CANDIDATES = 24
+"""In-phase lags kept per receiver: the 20 cells about the right one, and those of the bits before and after."""
+
+BEAM = 160
+"""Combinations kept from receiver to receiver."""
+
+CELLS = 12
+"""Combinations placed exactly and told as alternatives."""
+
+LEAST_OVERLAP = 0.25
+"""Share of the record that two receivers must have in common for a lag to count."""
+
+END_S = 0.1e-3
+"""Left out at both ends of a record when cells are compared: the band's filter rings so long."""
+
+NEAREST_RANGE_IN_APERTURES = 2.0
+"""A source is at least so many times the array's largest extent away."""
+
+NEWTON_STEPS = 4
+
+FREEDOM = 5.0
+"""Independent numbers in a pulse 2 kHz wide and 2.4 ms long."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Receivers about their centre, and what arrivals (n,) no source can cause."""
+
+    receivers_m: Array  # (n, 3)
+    sound_speed_mps: float
+
+    @property
+    def aperture_m(self) -> float:
+        """Largest distance of two receivers."""
+        return float(np.max(np.linalg.norm(self.receivers_m[:, None] - self.receivers_m[None], axis=2)))
+
+    def misfit(self, arrivals_s: Array) -> tuple[Array, Array]:
+        """How far arrivals (m, n) miss the nearest possible ones: residuals (m, n), and whether a direction exists.
+
+        Arrivals are a time, minus m.u / c, plus the wave front's bend (|m|^2 - (m.u)^2) / (2 c r).
+        """
+        places = self.receivers_m - self.receivers_m.mean(axis=0)
+        scaled = -places / self.sound_speed_mps
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
+        kept = values > 0.02 * values[0]
+        basis = np.column_stack((np.full(len(places), len(places) ** -0.5), left[:, kept]))
+        directions = (arrivals_s - arrivals_s.mean(axis=1, keepdims=True)) @ left[:, kept] / values[kept] @ right[kept]
+        along = directions @ places.T
+        bend = (np.sum(places**2, axis=1) - along**2) / (2.0 * self.sound_speed_mps)
+        bend = bend - bend @ basis @ basis.T
+        residual = arrivals_s - arrivals_s @ basis @ basis.T
+        power = np.sum(bend**2, axis=1)
+        nearest = 1.0 / (NEAREST_RANGE_IN_APERTURES * self.aperture_m)
+        inverse = np.sum(bend * residual, axis=1) / np.maximum(power, 1e-30)
+        inverse = np.clip(inverse, 0.0, nearest)
+        return residual - inverse[:, None] * bend, np.linalg.norm(directions, axis=1) <= LAG_MARGIN
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Carrier cells (m): arrivals (m, n) after the reference's, coherence and log-odds, the best first."""
+
+    arrivals_s: Array
+    coherence: Array
+    log_odds: Array
+    misfit_s: Array  # (m,) RMS
+    reference: int
+
+
+class PairCoherence:
+    """Coherence of every pair of records at any lag, as envelopes."""
+
+    def __init__(self, spectra: BandSpectra, values: ComplexArray, limits_s: Array) -> None:
+        """`limits_s` (n, n): the largest delay of each pair."""
+        self.count = len(values)
+        self.centre_hz = spectra.centre_hz
+        self.step_s = spectra.step_s
+        first, second = np.triu_indices(self.count, 1)
+        self._pair = np.zeros((self.count, self.count), dtype=np.intp)
+        self._pair[first, second] = np.arange(len(first))
+        reach = int(np.ceil(float(limits_s.max()) * LAG_MARGIN / self.step_s)) + 1
+        self.reach = min(reach, spectra.points // 2 - 1)
+        offsets = np.arange(-self.reach, self.reach + 1)
+        self.records = spectra.envelopes(values) / np.sqrt(spectra.points)
+        self.length = round(spectra.points * spectra.samples / spectra.size)
+        cross = spectra.envelopes(values[first] * np.conj(values[second]))[:, offsets % spectra.points]
+        energy = self._overlap(first, second, offsets)
+        self._envelope = np.where(energy > 0.0, cross / np.sqrt(np.maximum(energy, 1e-300)), 0.0)
+        beyond = np.abs(offsets * self.step_s)[None, :] > LAG_MARGIN * limits_s[first, second][:, None] + self.step_s
+        self._envelope[beyond] = 0.0
+        self.offsets_s = offsets * self.step_s
+
+    def _overlap(self, first: NDArray[np.intp], second: NDArray[np.intp], offsets: NDArray[np.intp]) -> Array:
+        """Product of the two energies (pairs, lags) in what the pair has in common; 0 where that is too short."""
+        length, power = self.length, np.abs(self.records[:, : self.length]) ** 2
+        total = np.concatenate((np.zeros((self.count, 1)), np.cumsum(power, axis=1)), axis=1)
+        late, early = np.clip(offsets, 0, length), np.clip(-offsets, 0, length)
+        one = total[first][:, length - early] - total[first][:, late]
+        other = total[second][:, length - late] - total[second][:, early]
+        enough = np.minimum(one, other) > LEAST_OVERLAP * np.minimum(total[first, -1], total[second, -1])[:, None]
+        return np.where(enough, one * other, 0.0)
+
+    def of_all(self, arrivals_s: Array) -> tuple[Array, Array]:
+        """Mean coherence (m,) of all pairs at arrivals (m, n) over the part of the pulse that all records have in
+        common, and that part's share (m,) of their energy.
+
+        The records' ends are left out: there the filter of the band has mixed the pulse with the nothing beyond.
+        """
+        late = arrivals_s - arrivals_s.min(axis=1, keepdims=True)
+        # The common part starts where the latest record's pulse does: times of the earliest one's own samples.
+        place = late / self.step_s
+        whole = np.floor(place).astype(np.intp)
+        part = (place - whole)[:, :, None]
+        margin = int(np.ceil(END_S / self.step_s))
+        counts = self.length - 2 * margin - whole.max(axis=1) - 1
+        times = np.arange(max(1, int(counts.max())))
+        within = times < counts[:, None, None]
+        rows = np.arange(self.count)[None, :, None]
+        at = np.where(within, margin + whole[:, :, None] + times, 0)
+        taken = self.records[rows, at] * (1.0 - part) + self.records[rows, at + 1] * part
+        taken = taken * np.exp(2j * np.pi * self.centre_hz * late)[:, :, None]
+        taken = np.where(within, taken, 0.0)
+        energy = np.sum(np.abs(taken) ** 2, axis=2)
+        together = np.sum(taken / np.sqrt(np.maximum(energy, 1e-300))[:, :, None], axis=1)
+        mean: Array = (np.sum(np.abs(together) ** 2, axis=1) / self.count - 1.0) / (self.count - 1)
+        whole_energy = np.sum(np.abs(self.records[:, : self.length]) ** 2, axis=1)
+        share: Array = np.mean(energy / np.maximum(whole_energy, 1e-300), axis=1)
+        return mean, share
+
+    def envelope(self, first: int, second: int) -> ComplexArray:
+        """Complex coherence at the lags `offsets_s` = toa_first - toa_second; first < second."""
+        row: ComplexArray = self._envelope[self._pair[first, second]]
+        return row
+
+    def at(self, first: int, second: int, lags_s: Array) -> Array:
+        """Real coherence at lags `toa_first - toa_second` of any shape; 0 beyond the physical limit."""
+        if first > second:
+            return self.at(second, first, -lags_s)
+        row = self.envelope(first, second)
+        place = lags_s / self.step_s + self.reach
+        below = np.floor(place).astype(np.intp)
+        inside = (below >= 0) & (below < len(row) - 1)
+        below = np.where(inside, below, 0)
+        part = place - below
+        value = row[below] * (1.0 - part) + row[below + 1] * part
+        turned: Array = np.real(value * np.exp(2j * np.pi * self.centre_hz * lags_s))
+        return np.where(inside, turned, 0.0)
+
+    def in_phase(self, first: int, second: int, carrier_hz: float) -> Array:
+        """The lags `toa_first - toa_second` of the strongest positive peaks, the strongest first."""
+        row = self.envelope(first, second)
+        phase = np.angle(row * np.exp(2j * np.pi * self.centre_hz * self.offsets_s))
+        lags = self.offsets_s - phase / (2.0 * np.pi * carrier_hz)
+        own = np.abs(lags - self.offsets_s) <= 0.55 * self.step_s  # a peak between two lags must not be lost
+        strength = np.where(own, np.abs(row), 0.0)
+        order = np.argsort(-strength, kind="stable")[:CANDIDATES]
+        chosen: Array = lags[order[strength[order] > 0.0]]
+        near = np.abs(chosen[:, None] - chosen[None]) < 0.3 / carrier_hz
+        return chosen[~np.any(np.tril(near, -1), axis=1)]
+
+
+def search(
+    coherence: PairCoherence,
+    geometry: Geometry,
+    carrier_hz: float,
+    freedom: float,
+    response_std_s: float,
+    expected_s: tuple[Array, Array] | None = None,
+    skew_s: Array | None = None,
+) -> Cells:
+    """The likeliest carrier cells, all arrivals by the records' own samples.
+
+    Args:
+        freedom: Independent numbers in one receiver's pulse.
+        response_std_s: How far arrivals may miss those of a source.
+        expected_s: Prior arrivals (n,) after receiver 0's and the inverse covariance (n-1, n-1).
+        skew_s: (n,) how much later than its number says a receiver's sample is taken.
+    """
+    count = coherence.count
+    kept = np.zeros((1, 1))
+    score = np.zeros(1)
+    for newest in range(1, count):
+        lags = -coherence.in_phase(0, newest, carrier_hz)  # arrival after receiver 0's
+        if not len(lags):
+            return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0), 0)
+        tried = np.concatenate((np.repeat(kept, len(lags), axis=0), np.tile(lags, len(kept))[:, None]), axis=1)
+        gained = sum(coherence.at(other, newest, tried[:, other] - tried[:, newest]) for other in range(newest))
+        total = np.repeat(score, len(lags)) + gained
+        best = np.argsort(-total, kind="stable")[: BEAM * (1 + newest)]
+        kept, score = tried[best], total[best]
+    residual, exists = geometry.misfit(kept if skew_s is None else kept + skew_s)
+    squared = np.sum(residual**2, axis=1)
+    against = 0.5 * squared / response_std_s**2
+    if expected_s is not None:
+        off = kept[:, 1:] - expected_s[0][1:]
+        against = against + 0.5 * np.einsum("mi,ij,mj->m", off, expected_s[1], off)
+    against[~exists] = np.inf
+    rough = -against - _doubt(score / (0.5 * count * (count - 1)), count, freedom)
+    order = np.argsort(-rough, kind="stable")[:CELLS]
+    order = order[np.isfinite(rough[order])]
+    kept, against, squared = kept[order], against[order], squared[order]
+    mean, share = coherence.of_all(kept)
+    odds = -against - _doubt(mean, count, freedom * share)
+    order = np.argsort(-odds, kind="stable")
+    return Cells(kept[order], mean[order], odds[order], np.sqrt(squared[order] / count), 0)
+
+
+def _doubt(coherence: Array, count: int, freedom: float | Array) -> Array:
+    """Negative log-likelihood of cells with this mean coherence: what the sum leaves is noise of unknown level."""
+    return (count - 1) * freedom * np.log1p(-np.clip(coherence, -1.0, 1.0 - 1e-9))
+
+
+def refine(
+    spectra: ComplexArray, frequencies_hz: Array, weights: Array, arrivals_s: Array
+) -> tuple[Array, ComplexArray]:
+    """Arrivals (n,) at the peak of P in their cell by Newton's method (the first stays), and the aligned spectra."""
+    omega = 2.0 * np.pi * frequencies_hz
+    arrivals = arrivals_s.copy()
+    limit = 0.25 / float(frequencies_hz.mean())
+    for step in range(NEWTON_STEPS + 1):
+        aligned = weights[:, None] * spectra * np.exp(1j * omega * arrivals[:, None])
+        if step == NEWTON_STEPS:
+            break
+        total = aligned.sum(axis=0)
+        slope = -2.0 * np.imag(np.conj(total) * aligned) @ omega
+        scaled = aligned * omega
+        bend = 2.0 * np.real(scaled @ np.conj(scaled).T)
+        bend[np.diag_indices_from(bend)] -= 2.0 * np.real(np.conj(total) * aligned) @ omega**2
+        move = np.linalg.lstsq(bend[1:, 1:], -slope[1:], rcond=None)[0]
+        arrivals[1:] += np.clip(move, -limit, limit)
+        if np.abs(move).max() < 1e-13:
+            aligned = weights[:, None] * spectra * np.exp(1j * omega * arrivals[:, None])
+            break
+    return arrivals, aligned
+
+
+def equal_weights(spectra: ComplexArray) -> Array:
+    """Weights (n,) that make all receivers count alike."""
+    power = np.sum(np.abs(spectra) ** 2, axis=1)
+    equal: Array = np.sqrt(power.mean() / np.maximum(power, 1e-300))
+    return equal
