@@ -190,7 +190,8 @@ class PairCoherence:
         order = np.argsort(-strength, kind="stable")[:CANDIDATES]
         chosen: Array = lags[order[strength[order] > 0.0]]
         near = np.abs(chosen[:, None] - chosen[None]) < 0.3 / carrier_hz
-        return chosen[~np.any(np.tril(near, -1), axis=1)]
+        distinct: Array = chosen[~np.any(np.tril(near, -1), axis=1)]
+        return distinct
 
 
 def search(
@@ -228,7 +229,7 @@ def search(
     if expected_s is not None:
         off = kept[:, 1:] - expected_s[0][1:]
         against = against + 0.5 * np.einsum("mi,ij,mj->m", off, expected_s[1], off)
-    against[~exists] = np.inf
+    against = np.where(exists, against, np.inf)
     rough = -against - _doubt(score / (0.5 * count * (count - 1)), count, freedom)
     order = np.argsort(-rough, kind="stable")[:CELLS]
     order = order[np.isfinite(rough[order])]
