@@ -258,6 +258,15 @@ class LinkBytesSent:
 
 
 @dataclass(frozen=True, slots=True)
+class AcousticBytes:
+    """One datagram of an acoustic board's UDP port, for the recording; `source` is "address:port"."""
+
+    data: bytes
+    arrived_s: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Something a user should be able to read later: a change of state, a fault, a clock step."""
 
@@ -466,6 +475,7 @@ class AcousticFix:
     frame_bits: int | None = None
     record_id: int | None = None
     beacon_deg_m: tuple[float, float, float | None] | None = None
+    beacon_std_m: float | None = None
     beacon_source: str | None = None
     position_deg: tuple[float, float] | None = None
     covariance_ned_m2: tuple[tuple[float, ...], ...] | None = None
@@ -536,6 +546,7 @@ Record = (
     | UnknownFrame
     | LinkBytes
     | LinkBytesSent
+    | AcousticBytes
     | Event
     | VehicleRecord
     | PositionFix

@@ -8,7 +8,7 @@ def test_recorded_settings_give_the_options_they_were():
         {"navigation": {"gps_lever_arm_frd_m": [0.1, 0.2, -0.3], "thruster_frame": "heavy", "imu_latency_ms": 12.0}}
     )
     recorded = recorded_settings(settings)
-    assert all(key.startswith("navigation.") for key in recorded)
+    assert all(key.startswith(("navigation.", "acoustics.")) for key in recorded)
     assert recorded_options(recorded, {}) == navigator_options(settings)
     assert recorded_options(recorded, {}) != NavigatorOptions()
 

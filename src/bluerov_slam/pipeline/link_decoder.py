@@ -10,17 +10,10 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from bluerov_slam.clock import DeviceClock
+from bluerov_slam.pipeline.acoustic_frames import AcousticFrames
 from bluerov_slam.pipeline.link_counters import LinkDecoderCounters
 from bluerov_slam.pipeline.sea_water_watch import SeaWaterWatch
 from bluerov_slam.pipeline.sonar_channel import SonarChannel
-from bluerov_slam.protocol.acoustic_messages import (
-    acoustic_message,
-    time_difference_reading,
-    unpack_message,
-    unpack_record_chunk,
-    unpack_tdoa,
-)
-from bluerov_slam.protocol.acoustic_record_assembly import RecordAssembler
 from bluerov_slam.protocol.esp32_messages import (
     KNOWN_TYPES,
     Esp32FrameDecoder,
@@ -87,7 +80,7 @@ class LinkDecoder:
         self._frames = Esp32FrameDecoder()
         self._sonars = {channel: SonarChannel(channel, kogger_checksum, expected.get(channel)) for channel in Channel}
         self._sonars_in_order = tuple(self._sonars.values())
-        self._acoustic_records = RecordAssembler()
+        self._acoustics = AcousticFrames(self.clock)
         self._last_arrived_s: float | None = None
         self._last_echo_us = 0
         self._unknown_types: Counter[int] = Counter()
@@ -104,9 +97,7 @@ class LinkDecoder:
             MessageType.STATUS.value: self._on_status,
             MessageType.COMMAND_ACK.value: self._on_command_ack,
             MessageType.GPS.value: self._on_gps,
-            MessageType.ACOUSTIC_TDOA.value: self._on_time_differences,
-            MessageType.ACOUSTIC_RECORD.value: self._on_acoustic_record,
-            MessageType.ACOUSTIC_MESSAGE.value: self._on_acoustic_message,
+            **self._acoustics.handlers,
         }
 
     @property
@@ -125,7 +116,7 @@ class LinkDecoder:
             malformed=dict(self._malformed),
             unknown_layouts=self._unknown_layouts,
             unknown_layout_reason=self._unknown_layout_reason,
-            acoustic_records=self._acoustic_records.counters,
+            acoustic_records=self._acoustics.counters,
             sender=self.sea_water.sender,
             device_resets=self.clock.resets,
             conductivity_distrusted=self.sea_water.conductivity_distrusted,
@@ -146,7 +137,7 @@ class LinkDecoder:
         records: list[Record] = []
         for sonar in self._sonars_in_order:
             sonar.expire(now_s, records)
-        records += self._acoustic_records.expire(now_s)
+        self._acoustics.expire(now_s, records)
         return records
 
     def finish(self) -> list[Record]:
@@ -155,7 +146,7 @@ class LinkDecoder:
         self._dispatch(self._frames.flush(), self._last_arrived_s or 0.0, records)
         for sonar in self._sonars_in_order:
             sonar.finish(records)
-        records += self._acoustic_records.finish()
+        self._acoustics.finish(records)
         return records
 
     def _dispatch(self, frames: list[tuple[int, bytes]], arrived_s: float, records: list[Record]) -> None:
@@ -236,31 +227,6 @@ class LinkDecoder:
         if fields is None:
             return False
         records.append(gps_fix(fields, self.clock.map_us32(fields.t_us, arrived_s), arrived_s))
-        return True
-
-    def _on_time_differences(self, payload: bytes, arrived_s: float, records: list[Record]) -> bool:
-        fields = unpack_tdoa(payload)
-        if fields is None:
-            return False
-        records.append(time_difference_reading(fields, self.clock.map_us32(fields.t_us, arrived_s), arrived_s))
-        return True
-
-    def _on_acoustic_record(self, payload: bytes, arrived_s: float, records: list[Record]) -> bool:
-        chunk = unpack_record_chunk(payload)
-        if chunk is None:
-            return False
-        kind = MessageType.ACOUSTIC_RECORD
-        records += self._acoustic_records.feed(
-            chunk, lambda t_us: self.clock.map_late_us32(kind, t_us, arrived_s), arrived_s
-        )
-        return True
-
-    def _on_acoustic_message(self, payload: bytes, arrived_s: float, records: list[Record]) -> bool:
-        fields = unpack_message(payload)
-        if fields is None:
-            return False
-        measured_s = self.clock.map_late_us32(MessageType.ACOUSTIC_MESSAGE, fields.t_us, arrived_s)
-        records.append(acoustic_message(fields, measured_s, arrived_s))
         return True
 
     def _on_other(self, frame_type: int, payload: bytes, arrived_s: float, records: list[Record]) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from bluerov_slam.navigation.attitude.calibration import Calibration, CalibrationError
 from bluerov_slam.navigation.measurements import Depth
 from bluerov_slam.navigation.smoother import StepRecorder, smooth
+from bluerov_slam.pipeline.navigator_acoustics import AcousticIntake
 from bluerov_slam.pipeline.navigator_actions import Actions
 from bluerov_slam.pipeline.navigator_aids import VELOCITY_MISSED_AFTER_S, Aids
 from bluerov_slam.pipeline.navigator_commands import (
@@ -38,6 +39,7 @@ from bluerov_slam.pipeline.navigator_thrust import ThrustIntake
 from bluerov_slam.pipeline.navigator_time import VehicleClocks
 from bluerov_slam.pipeline.navigator_words import Wait
 from bluerov_slam.records import (
+    AcousticFix,
     CtdSample,
     Event,
     EventLevel,
@@ -230,6 +232,9 @@ class Navigator:
             VehicleDepth: self._on_depth,
             VehicleRange: self._on_range,
         }
+        if options.acoustics is not None:
+            self._acoustics = AcousticIntake(core, self._positions, options.acoustics)
+            self._handlers[AcousticFix] = self._on_acoustics
 
     def _read(self, saved: SavedNavigation | Mapping[str, Any] | None) -> SavedNavigation | None:
         """What was saved, with what does not age (the calibrations) taken up at once."""
@@ -322,6 +327,10 @@ class Navigator:
             # Nobody tells an attitude; the fixes alone make a track all the same.
             self._begin(Start.upright(record.measured_s))
         self._positions.fix(record)
+        return self._catch_up(record.measured_s, record.arrived_s)
+
+    def _on_acoustics(self, record: AcousticFix) -> bool:
+        self._acoustics.take(record)
         return self._catch_up(record.measured_s, record.arrived_s)
 
     def _on_servos(self, record: VehicleServoOutput) -> bool:

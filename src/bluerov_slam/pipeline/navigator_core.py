@@ -32,6 +32,7 @@ STUBBORN: dict[str, tuple[int, tuple[tuple[str, float | tuple[float, ...]], ...]
     "depth": (10, (("position", (0.0, 0.0, 10.0)),)),
     "thrust": (5, (("velocity", 0.3), ("current", 0.2))),
     "dvl": (25, (("velocity", 1.0),)),
+    "acoustics": (10, (("position", (5.0, 5.0, 0.0)),)),
 }
 
 

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from bluerov_slam.navigation.vehicle_model import BLUEROV2, ThrusterLayout
+from bluerov_slam.pipeline.acoustic_options import AcousticOptions
 
 Vector = tuple[float, float, float]
 
@@ -186,3 +187,4 @@ class NavigatorOptions:
     origin_deg: tuple[float, float] | None = None  # else the first fix
     declination_rad: float | None = None  # else the model's at the first fix, 0 +- 10 deg before it
     gate_probability: float = 0.999
+    acoustics: AcousticOptions | None = None  # None: no array is fitted

@@ -218,4 +218,5 @@ LABELS = {
     "thrust": "The thruster model",
     "dvl": "The DVL",
     "altitude": "The altitude",
+    "acoustics": "Acoustic positioning",
 }

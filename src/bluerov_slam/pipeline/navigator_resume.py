@@ -10,7 +10,6 @@ import numpy as np
 from bluerov_slam.navigation.rotation import quaternion_from_rotation
 from bluerov_slam.pipeline.navigator_commands import SavedNavigation
 from bluerov_slam.pipeline.navigator_start import (
-    LAYOUT,
     UNKNOWN_DEPTH_STD_M,
     UNKNOWN_HEADING_STD_RAD,
     UNKNOWN_VELOCITY_STD_MPS,
@@ -68,9 +67,10 @@ def resume(core: Core, filter_: ErrorStateFilter, saved: SavedNavigation, age_s:
             f"The saved position is {old} old and is not used: the vehicle may have been moved", EventLevel.WARNING
         )
         return False
-    size = LAYOUT.size
+    layout = filter_.layout
+    size = layout.size
     covariance = np.zeros((size, size))
-    fits = saved.layout == LAYOUT.blocks
+    fits = saved.layout == layout.blocks
     if fits:
         covariance[np.triu_indices(size)] = saved.covariance
         covariance += np.triu(covariance, 1).T

@@ -12,8 +12,10 @@ from bluerov_slam.records import NavSensor, SensorTrust
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-SENSOR_NAMES = ("imu", "compass", "depth", "gps", "position", "thrust", "dvl", "altitude")
-SILENT_AFTER_S = {"gps": 5.0, "position": 15.0}
+SENSOR_NAMES = ("imu", "compass", "depth", "gps", "position", "thrust", "dvl", "altitude", "acoustics")
+# Not shown before they were heard: few vehicles have one.
+RARE = frozenset(("acoustics",))
+SILENT_AFTER_S = {"gps": 5.0, "position": 15.0, "acoustics": 10.0}
 SILENT_S = 3.0
 # So many in a row are more than the odd outlier.
 REJECTED_IN_A_ROW = 3
@@ -159,7 +161,9 @@ class SensorBook:
         """All of them; made anew once a second and whenever the trust in one changes."""
         due = self._view_s is None or not 0.0 <= now_s - self._view_s < 1.0
         if due or any(status.changed for status in self):
-            self._view = tuple(status.view(now_s) for status in self)
+            self._view = tuple(
+                status.view(now_s) for status in self if status.name not in RARE or status.heard_s is not None
+            )
             self._view_s = now_s
             for status in self:
                 status.changed = False

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bluerov_slam.acoustics.navigation_aid import MOUNTING
 from bluerov_slam.navigation.attitude.initial import initial_attitude
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.process import Earth, ProcessNoise
@@ -42,6 +43,8 @@ UNKNOWN_VELOCITY_STD_MPS = 0.5
 UNKNOWN_DECLINATION_STD_RAD = math.radians(10.0)
 # A calibrated gyro's bias has moved since.
 GYRO_SINCE_CALIBRATION_RADPS = math.radians(0.05)
+# Receivers are screwed to a frame by hand, and the frame to the vehicle.
+MOUNTING_STD_RAD = math.radians(2.0)
 LEVEL_WITHIN = 0.5  # of gravity along the vertical axis: more than 60 deg of tilt is a matter of mounting
 
 
@@ -58,8 +61,11 @@ class NavigatorNoise(ProcessNoise):
         return (*ProcessNoise.wanders(self), (FIX_WANDER, self.fix_wander_std_m, self.fix_wander_time_s))
 
 
-LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=((FIX_WANDER, 2), (THRUSTER_FIELD, 2)))
+_EXTRA = ((FIX_WANDER, 2), (THRUSTER_FIELD, 2))
+LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=_EXTRA)
 """No ranges are measured yet, so the sound speed's scale is left out."""
+ACOUSTIC_LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=(*_EXTRA, (MOUNTING, 3)))
+"""With an acoustic array, how it is really mounted is a state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,12 +186,13 @@ def make_filter(
 ) -> ErrorStateFilter:
     """A filter that knows its tilt and its depth and is honest about the rest."""
     compass, compass_std = compass_prior(options, calibration, latitude_deg is not None)
-    estimate = NavEstimate(LAYOUT, start.at_s, start.rotation_ned_frd, position=(0.0, 0.0, depth_m), compass=compass)
+    layout = LAYOUT if options.acoustics is None else ACOUSTIC_LAYOUT
+    estimate = NavEstimate(layout, start.at_s, start.rotation_ned_frd, position=(0.0, 0.0, depth_m), compass=compass)
     noise = process_noise(options)
     gyro_std: float | tuple[float, ...] = options.imu.gyro_bias_std_radps
     if calibration.gyro is not None:
         gyro_std = tuple(math.hypot(std, GYRO_SINCE_CALIBRATION_RADPS) for std in calibration.gyro.std_radps)
-    std = LAYOUT.vector(
+    std = layout.vector(
         position=(UNKNOWN_POSITION_STD_M, UNKNOWN_POSITION_STD_M, UNKNOWN_DEPTH_STD_M),
         velocity=(UNKNOWN_VELOCITY_STD_MPS, UNKNOWN_VELOCITY_STD_MPS, 0.2),
         attitude=(start.tilt_std_rad, start.tilt_std_rad, UNKNOWN_HEADING_STD_RAD),
@@ -201,5 +208,6 @@ def make_filter(
         depth_bias=depth_bias_std_m,
         dvl=(options.dvl.scale_std, options.dvl.yaw_std_rad),
         fix_wander=noise.fix_wander_std_m,
+        **({} if options.acoustics is None else {MOUNTING: MOUNTING_STD_RAD}),
     )
     return ErrorStateFilter(estimate, std, noise, None if latitude_deg is None else Earth(latitude_deg))

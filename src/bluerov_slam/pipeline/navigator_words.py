@@ -40,6 +40,7 @@ class Wait(StrEnum):
     NO_ATTITUDE = "no_attitude"
     THRUSTERS_OFF = "thrusters_off"
     NO_ORIGIN = "no_origin"
+    NO_BEACON = "no_beacon"
     NOT_FUSED = "not_fused"
     INSTEAD_OF_ANGLES = "instead_of_angles"
 
@@ -134,6 +135,9 @@ _SPECIAL = {
         "The autopilot does not report its thruster signals. Speed is only a guess now. Switch on SERVO_OUTPUT_RAW "
         "for the extension's MAVLink connection."
     ),
+    ("acoustics", Fault.SILENT): (
+        "No pulses of the transmitter come any more: out of range, hidden, or off. The position is carried on without."
+    ),
     ("dvl", Fault.DVL_CONFIDENCE): (
         "The DVL has lost the bottom: too far, too near, or too steep. Its values count again once it sees the bottom."
     ),
@@ -148,6 +152,7 @@ _WAITS = {
     Wait.NO_ATTITUDE: "Waiting for the attitude.",
     Wait.THRUSTERS_OFF: "The thrusters have not run yet.",
     Wait.NO_ORIGIN: "Waiting for a first position.",
+    Wait.NO_BEACON: "The transmitter's place or depth is not known. Enter it under Settings, acoustics.",
     Wait.NOT_FUSED: "Shown, but not used for the position.",
     Wait.INSTEAD_OF_ANGLES: "Inside the IMU's own heading, which is used as it is.",
 }
@@ -163,6 +168,10 @@ _REJECTED = {
     "position": (
         "The fixes contradict the track by more than both uncertainties allow: echoes, or a wrong beacon position. "
         "They are believed once they stay."
+    ),
+    "acoustics": (
+        "The direction of the transmitter contradicts the track: an echo, its place is wrong, or an array "
+        "that is mounted otherwise than the settings say."
     ),
     "thrust": (
         "The speed from the thrusters contradicts everything else: the vehicle is held by something, a propeller is "

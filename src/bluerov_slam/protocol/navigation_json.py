@@ -33,6 +33,7 @@ LABELS = {
     "thrust": "Thruster model",
     "dvl": "DVL",
     "altitude": "Altitude",
+    "acoustics": "Acoustics",
 }
 _MODE_TEXTS = {
     NavMode.STARTING: "Starting: waiting for the attitude",

@@ -10,18 +10,23 @@ from typing import Any, Final
 
 from bluerov_slam.clock import WallClock
 from bluerov_slam.config import Settings
+from bluerov_slam.errors import LinkError
 from bluerov_slam.pipeline.health import Health, RecorderFacts, RecorderState
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
 from bluerov_slam.records import (
+    AcousticBytes,
     Channel,
     CtdSample,
     Event,
     EventLevel,
     GpsFix,
     ImuBurst,
+    Record,
     SensorSample,
     SonarFrames,
 )
+from bluerov_slam.services.acoustics_api import AcousticsApi
+from bluerov_slam.services.acoustics_service import AcousticsService
 from bluerov_slam.services.change_guard import ChangeGuard
 from bluerov_slam.services.esp_link import EspLink, LinkSource
 from bluerov_slam.services.event_log import EventLog
@@ -58,7 +63,7 @@ from bluerov_slam.sources.serial_port import SerialPort
 
 _log = logging.getLogger(__name__)
 
-TOPICS: Final = ("sensors", "status", "event", "navigation")
+TOPICS: Final = ("sensors", "status", "event", "navigation", "acoustics")
 TICK_S: Final = 1.0
 _MEGABYTE: Final = 1_000_000
 
@@ -92,7 +97,7 @@ class Extension:
         if isinstance(source, SerialPort):
             source.frames_understood = lambda: decoder.counters.link.frames_ok
         elif isinstance(source, ReplaySource):
-            source.on_vehicle = self.hub.publish
+            source.on_vehicle = self._take_recorded
         self.wall = wall or WallClock(wall_time(), source.now_s())
         self._observed_wall_time = None if wall else wall_time
         self.recorder = self._make_recorder(settings) if source.kind == "serial" else None
@@ -133,6 +138,14 @@ class Extension:
             odometry=self.vehicle.odometry,
             on_change=lambda: self.status.glance(),
         )
+        self.acoustics = AcousticsService(
+            self.hub,
+            self.topics,
+            lambda: store.settings,
+            now_s=source.now_s,
+            unix_s=self.wall.unix_s,
+            simulated=simulated,
+        )
         if isinstance(source, ReplaySource):
             source.is_too_fast = self.navigation.process.is_behind
         self.viewer_link = self._make_viewer_link(settings)
@@ -146,6 +159,7 @@ class Extension:
         routes = [
             *self.api.routes(),
             *NavigationApi(self.navigation, self.vehicle.parameters, wall_time).routes(),
+            *AcousticsApi(self.acoustics).routes(),
             *MapTiles(store.settings.state_folder / TILES_FOLDER).routes(),
             *recording_routes(self.recordings, self.recorder),
         ]
@@ -168,6 +182,7 @@ class Extension:
                 self.recorder.start()
             self._aim_forwarding()
             await self.mavlink.start()
+            await self._listen_to_acoustics()
             await self._hear_simulated_autopilot(settings_enabled=self.store.settings.mavlink.enabled)
         except BaseException:
             await self.stop()
@@ -185,6 +200,7 @@ class Extension:
         if self._ticker is not None:
             self._ticker.cancel()
         await self.link.stop()
+        self.acoustics.input.stop()
         await asyncio.gather(
             self.topics.close(),
             self.bare.close(),
@@ -231,8 +247,10 @@ class Extension:
         if "mavlink" in groups:
             await self.mavlink.apply(mavlink_options(settings))
             await self._hear_simulated_autopilot(settings_enabled=settings.mavlink.enabled)
-        if "navigation" in groups:
+        if groups & {"navigation", "acoustics"}:
             await self._apply_navigation(changed)
+        if "acoustics" in groups:
+            await self._apply_acoustics()
         if self.recorder is not None and "recording" in groups:
             self.recorder.set_limits(recording_limits(settings))
             if "recording.enabled" in changed:
@@ -247,6 +265,19 @@ class Extension:
         if self.store.settings.navigation.enabled:
             process.start()
 
+    async def _listen_to_acoustics(self) -> None:
+        """A replay brings its datagrams itself."""
+        acoustics = self.store.settings.acoustics
+        wanted = acoustics.enabled and self.link.source.kind == "serial"
+        await self.acoustics.input.listen((acoustics.udp_host, acoustics.udp_port) if wanted else None)
+
+    async def _apply_acoustics(self) -> None:
+        try:
+            await self._listen_to_acoustics()
+        except LinkError as error:
+            self.tell(EventLevel.ERROR, f"acoustics: {error}")
+        self.acoustics.apply_settings()
+
     def recorder_facts(self) -> RecorderFacts:
         """The recorder; switched off in a replay."""
         return self.recorder.facts() if self.recorder is not None else RecorderFacts(RecorderState.OFF)
@@ -259,10 +290,18 @@ class Extension:
                 self.system_events.tick()
                 self.vehicle.tick()
                 self.navigation.tick()
+                self.acoustics.tick()
                 self.status.tick()
                 self.viewer_link.tick()
             except Exception:  # the next second may be better
                 _log.exception("the periodic work failed")
+
+    def _take_recorded(self, record: Record) -> None:
+        """What a replay brings beside the link."""
+        if isinstance(record, AcousticBytes):
+            self.acoustics.input.take(record)
+        else:
+            self.hub.publish(record)
 
     def _on_link_change(self) -> None:
         self.system_events.link_changed()
@@ -355,7 +394,11 @@ class Extension:
         return self.recorder.active_name if self.recorder is not None else None
 
     def _greeting(self) -> list[tuple[str, bytes]]:
-        return [("status", self.status.message()), ("navigation", self.navigation.message())]
+        return [
+            ("status", self.status.message()),
+            ("navigation", self.navigation.message()),
+            ("acoustics", self.acoustics.message()),
+        ]
 
     def _metrics_extra(self) -> dict[str, float]:
         return {
@@ -365,6 +408,7 @@ class Extension:
             "forwarding_refused_chunks": self.udp.refused_chunks,
             "subscriber_errors": sum(self.hub.errors_by_subscriber.values()),
             **self.navigation.counters(),
+            **self.acoustics.counters(),
         }
 
     def _tell_from_thread(self, level: EventLevel, text: str) -> None:

@@ -6,16 +6,17 @@ import importlib
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
 from bluerov_slam.errors import ExpectedError
 from bluerov_slam.navigation.local_frame import LocalFrame
+from bluerov_slam.pipeline.acoustics import AcousticNavigation
 from bluerov_slam.pipeline.navigator import NavigatorAction, NavigatorCommand, NavigatorOptions, SavedNavigation
 from bluerov_slam.protocol.navigation_json import FixOutcome
-from bluerov_slam.records import Event, EventLevel, GpsFix, NavState, PositionFix, Record
+from bluerov_slam.records import AcousticFix, AcousticMessage, Event, EventLevel, GpsFix, NavState, PositionFix, Record
 from bluerov_slam.services.navigation_messages import Ask, Done, PlacedState, Reply, Setup, Work
 from bluerov_slam.services.navigation_state_file import NavigationStateFile, load_saved
 
@@ -47,6 +48,7 @@ class NavigationEngine:
         self._options = cast(NavigatorOptions, setup.options)
         saved, age_s = self._load(setup)
         self._navigator = _make_navigator(setup.navigator, self._options, saved, age_s)
+        self._acoustics = AcousticNavigation(self._navigator, getattr(self._options, "acoustics", None))
         self._file = None if setup.state_file is None else NavigationStateFile(Path(setup.state_file), setup.boot_id)
         self._saved_s = -math.inf
         self._unsaved = False
@@ -61,10 +63,11 @@ class NavigationEngine:
         states: list[PlacedState] = []
         events: list[Event] = []
         fixes: list[FixOutcome] = []
+        heard: list[AcousticFix | AcousticMessage] = []
         for record in work.records:
             if isinstance(record, GpsFix | PositionFix) and record.latitude_deg is not None:
                 self._fixes.append(record)
-            self._sort(self._navigator.feed(record), states, events, fixes)
+            self._sort(self._acoustics.feed(record), states, events, fixes, heard)
         replies = [self._obey(ask, states, events, fixes) for ask in work.asks]
         if work.expire_s is not None:
             self._sort(self._navigator.expire(work.expire_s), states, events, fixes)
@@ -80,6 +83,7 @@ class NavigationEngine:
             tuple(replies),
             calibrations=self._calibrations_sometimes(bool(work.asks)),
             save_error=None if self._file is None else self._save_fault or self._file.error,
+            acoustics=tuple(heard),
         )
 
     def calibrations(self) -> tuple[Mapping[str, Any], ...]:
@@ -94,14 +98,19 @@ class NavigationEngine:
 
     def _sort(
         self,
-        results: list[NavState | Event],
+        results: Sequence[NavState | Event | AcousticFix | AcousticMessage],
         states: list[PlacedState],
         events: list[Event],
         fixes: list[FixOutcome],
+        heard: list[AcousticFix | AcousticMessage] | None = None,
     ) -> None:
         for result in results:
             if isinstance(result, Event):
                 events.append(result)
+                continue
+            if isinstance(result, AcousticFix | AcousticMessage):
+                if heard is not None:
+                    heard.append(result)
                 continue
             states.append(PlacedState(result, _place(result)))
             fixes += self._judged(result)

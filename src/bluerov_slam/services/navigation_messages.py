@@ -13,11 +13,11 @@ from typing import Any, Final
 
 from bluerov_slam.errors import BugError
 from bluerov_slam.protocol.navigation_json import FixOutcome
-from bluerov_slam.records import Event, NavState, Record
+from bluerov_slam.records import AcousticFix, AcousticMessage, Event, NavState, Record
 
 LENGTH: Final = struct.Struct("<I")
-# A frame is at most a few hundred records; more than this is no frame of ours.
-LONGEST_FRAME_BYTES: Final = 16_000_000
+# A frame is at most a few hundred records, 64 of them raw acoustic ones of 256 kB; more is no frame of ours.
+LONGEST_FRAME_BYTES: Final = 32_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +80,7 @@ class Done:
     statistics: Mapping[str, Any] = field(default_factory=dict)
     save_error: str | None = None
     resumed: str | None = None
+    acoustics: tuple[AcousticFix | AcousticMessage, ...] = ()
 
 
 def pack(message: object) -> bytes:

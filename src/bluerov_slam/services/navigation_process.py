@@ -21,11 +21,14 @@ from typing import Any, Final
 
 from bluerov_slam.errors import CommandError
 from bluerov_slam.records import (
+    AcousticMessage,
+    AcousticRecord,
     CtdSample,
     GpsFix,
     ImuBurst,
     PositionFix,
     SensorSample,
+    TimeDifferenceReading,
     VehicleAttitude,
     VehicleBattery,
     VehicleDepth,
@@ -54,7 +57,7 @@ BACKOFF_LAST_S: Final = 30.0
 SETTLED_AFTER_S: Final = 30.0
 NAVIGATION_RECORDS: Final = (
     ImuBurst, SensorSample, CtdSample, GpsFix, PositionFix, VehicleAttitude, VehicleServoOutput, VehicleBattery,
-    VehicleMotionDelta, VehicleDepth, VehicleRange,
+    VehicleMotionDelta, VehicleDepth, VehicleRange, TimeDifferenceReading, AcousticRecord, AcousticMessage,
 )  # fmt: skip
 
 

@@ -214,6 +214,8 @@ class NavigationService:
         self._take_save_error(done.save_error)
         for fix in done.fixes:
             self._fix = fix
+        for heard in done.acoustics:
+            self._hub.publish(heard)
         self._states += len(done.states)
         for placed in done.states:
             self._latest = placed

@@ -9,13 +9,14 @@ from typing import Final
 from bluerov_slam.config import Layer, Settings, combine, setting_infos, values_of
 from bluerov_slam.navigation.vehicle_model import BLUEROV2, BLUEROV2_HEAVY, ThrusterLayout
 from bluerov_slam.pipeline.navigator import NavigatorOptions
+from bluerov_slam.services.acoustic_settings import acoustic_options
 
 NAVIGATOR: Final = "bluerov_slam.pipeline.navigator:Navigator"
 # A change of one of these needs no new estimate.
 _ONLY_SERVICES: Final = (
-    "navigation.odometry_", "navigation.external_position", "navigation.enabled",
+    "navigation.odometry_", "navigation.external_position", "navigation.enabled", "acoustics.udp_",
 )  # fmt: skip
-_GROUP: Final = "navigation."
+_GROUPS: Final = ("navigation.", "acoustics.")
 _MILLISECOND: Final = 1e-3
 
 
@@ -43,12 +44,13 @@ def navigator_options(settings: Settings) -> NavigatorOptions:
             latency_s=navigation.position_latency_ms * _MILLISECOND,
         ),
         origin_deg=navigation.origin_deg,
+        acoustics=acoustic_options(settings),
     )
 
 
 def recorded_settings(settings: Settings) -> dict[str, object]:
     """What a recording keeps of the settings, so that the same estimate can be made again."""
-    return {key: value for key, value in values_of(settings).items() if key.startswith(_GROUP)}
+    return {key: value for key, value in values_of(settings).items() if key.startswith(_GROUPS)}
 
 
 def recorded_options(recorded: Mapping[str, object], flags: Mapping[str, object]) -> NavigatorOptions:
@@ -56,9 +58,14 @@ def recorded_options(recorded: Mapping[str, object], flags: Mapping[str, object]
 
     Raises InvalidSettingsError.
     """
-    known = {info.key for info in setting_infos() if info.key.startswith(_GROUP)}
+    return navigator_options(settings_of_recording(recorded, flags))
+
+
+def settings_of_recording(recorded: Mapping[str, object], flags: Mapping[str, object]) -> Settings:
+    """The settings of the time of recording that an estimate rests on. Raises InvalidSettingsError."""
+    known = {info.key for info in setting_infos() if info.key.startswith(_GROUPS)}
     kept = {key: value for key, value in recorded.items() if key in known}
-    return navigator_options(combine([Layer("recording", kept), Layer("command line", flags)]))
+    return combine([Layer("recording", kept), Layer("command line", flags)])
 
 
 def _layout(frame: str, directions: tuple[int, ...]) -> ThrusterLayout | None:
@@ -70,4 +77,4 @@ def _layout(frame: str, directions: tuple[int, ...]) -> ThrusterLayout | None:
 
 def changes_estimator(keys: frozenset[str]) -> bool:
     """Whether these changed settings need the navigator made anew."""
-    return any(key.startswith("navigation.") and not key.startswith(_ONLY_SERVICES) for key in keys)
+    return any(key.startswith(_GROUPS) and not key.startswith(_ONLY_SERVICES) for key in keys)

@@ -1,4 +1,4 @@
-"""The plain log: a line per SENSORS frame (the seed's JSON) and position from outside, and once a second the estimate.
+"""The plain log: a line per SENSORS frame (the seed's JSON), outside position and acoustic pulse; the estimate at 1 Hz.
 
 Every line has `t_mono` and `t_unix`; lines that are not of a SENSORS frame say what they are in `type`.
 """
@@ -12,9 +12,10 @@ import orjson
 
 from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.pipeline.link_decoder import SonarActivity
+from bluerov_slam.protocol.acoustic_json import fix_json
 from bluerov_slam.protocol.navigation_json import navigation_json
 from bluerov_slam.protocol.sensor_json import sensor_json
-from bluerov_slam.records import Channel, CtdSample, NavState, PositionFix, SensorSample
+from bluerov_slam.records import AcousticFix, Channel, CtdSample, NavState, PositionFix, SensorSample
 from bluerov_slam.sinks.append_file import AppendFile
 
 
@@ -81,6 +82,10 @@ class NavigationLines:
             "depth_m": fix.depth_m,
         }
         return self._line("position_fix", fix.measured_s, content)
+
+    def acoustic(self, fix: AcousticFix) -> bytes:
+        """The line of one acoustic pulse."""
+        return self._line("acoustics", fix.measured_s, fix_json(fix))
 
     def _line(self, kind: str, at_s: float, content: dict[str, Any]) -> bytes:
         line = {"type": kind, **content, "t_mono": at_s, "t_unix": at_s + self._wall_offset_s}

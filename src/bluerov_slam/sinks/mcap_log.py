@@ -30,8 +30,10 @@ RAW_TOPIC = "/link/raw"
 RAW_DOWN_TOPIC = "/link/raw_down"
 SESSION_METADATA = "bluerov_slam_session"
 PING_ENCODING = "bluerov_slam_ping_v1"
+ACOUSTIC_RAW_TOPIC = "/acoustics/raw"
+DATAGRAM_ENCODING = "bluerov_slam_datagram_v1"
 
-# Topic of each record type that is written as JSON. Sonar frames are not: they are rebuilt from the raw bytes.
+# Topic of each record type that is written as JSON. Sonar frames and acoustic records are rebuilt from the raw bytes.
 JSON_TOPICS: dict[type, str] = {
     records.SensorSample: "/sensors",
     records.CtdSample: "/ctd",
@@ -48,6 +50,9 @@ JSON_TOPICS: dict[type, str] = {
     records.VehicleRange: "/vehicle/range",
     records.PositionFix: "/position_fix",
     records.NavState: "/navigation",
+    records.TimeDifferenceReading: "/acoustics/tdoa",
+    records.AcousticMessage: "/acoustics/message",
+    records.AcousticFix: "/acoustics/fix",
 }
 PING_TOPICS = {records.Channel.A: "/ping/a", records.Channel.B: "/ping/b"}
 
@@ -94,6 +99,10 @@ class McapLog:
     def write_raw_down(self, data: bytes, mono_ns: int) -> None:
         """A frame sent to the ESP32."""
         self._add(self._channels[RAW_DOWN_TOPIC], data, mono_ns)
+
+    def write_datagram(self, datagram: records.AcousticBytes, mono_ns: int) -> None:
+        """A datagram of an acoustic board, with its sender."""
+        self._add(self._channels[ACOUSTIC_RAW_TOPIC], pack_datagram(datagram), mono_ns)
 
     def write_record(self, record: records.Record) -> None:
         """A decoded record; a type without a topic is passed over."""
@@ -143,6 +152,7 @@ class McapLog:
     def _register_channels(self) -> None:
         for topic in (RAW_TOPIC, RAW_DOWN_TOPIC):
             self._channels[topic] = self._writer.register_channel(topic, "aa55", 0)
+        self._channels[ACOUSTIC_RAW_TOPIC] = self._writer.register_channel(ACOUSTIC_RAW_TOPIC, DATAGRAM_ENCODING, 0)
         for channel, topic in PING_TOPICS.items():
             self._channels[channel] = self._writer.register_channel(topic, PING_ENCODING, 0)
         for record_type, topic in JSON_TOPICS.items():
@@ -161,10 +171,18 @@ def encode_record(record: object) -> bytes:
     return orjson.dumps(record, _as_list, _JSON_OPTIONS)
 
 
+def pack_datagram(datagram: records.AcousticBytes) -> bytes:
+    """u8 length of the sender's name, the name, the datagram."""
+    source = datagram.source.encode()[:255]
+    return bytes((len(source),)) + source + datagram.data
+
+
 def _as_list(value: object) -> object:
-    """Arrays that are views with strides, which orjson does not take as they are."""
+    """Arrays that are views with strides, which orjson does not take as they are, and bytes."""
     if isinstance(value, np.ndarray):
         return value.tolist()
+    if isinstance(value, bytes):
+        return value.hex()
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
@@ -208,7 +226,9 @@ def _keep_index_compact(writer: Writer) -> None:
 
 
 def _type_name(annotation: str) -> str:
-    simple = {"int": "integer", "bool": "boolean", "str": "string", "float": "number", "None": "null"}
+    simple = {
+        "int": "integer", "bool": "boolean", "str": "string", "float": "number", "None": "null", "bytes": "string",
+    }  # fmt: skip
     if annotation in simple:
         return simple[annotation]
     if annotation.startswith(("tuple[", "NDArray[")):

@@ -54,12 +54,15 @@ _VALID_FRAME = (
     records.DeviceStatus,
     records.CommandAck,
     records.SonarFrames,
+    records.TimeDifferenceReading,
+    records.AcousticRecord,
+    records.AcousticMessage,
 )
 # The bulk of what is decoded or estimated: left out first when the disk does not keep up, because it can be made anew
 # from the raw bytes.
 _BULK = (records.Ping, records.ImuBurst, records.NavState)
 # Rebuilt from the raw bytes, or of no use later.
-_NOT_RECORDED = (records.SonarFrames, records.UnknownFrame)
+_NOT_RECORDED = (records.SonarFrames, records.UnknownFrame, records.AcousticRecord)
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,7 +332,8 @@ class Recorder:
             first = self._queue[0]
         except IndexError:
             return
-        first_ns = min(now_ns, round(first.arrived_s * 1e9)) if isinstance(first, records.LinkBytes) else now_ns
+        raw = records.LinkBytes | records.AcousticBytes
+        first_ns = min(now_ns, round(first.arrived_s * 1e9)) if isinstance(first, raw) else now_ns
         wall_ns = self._clocks.wall_ns()
         metadata = {
             "bluerov_slam_version": __version__,
@@ -467,7 +471,7 @@ _LOG_LEVELS = {
 
 
 def _cost(record: records.Record) -> int:
-    if isinstance(record, records.LinkBytes | records.LinkBytesSent):
+    if isinstance(record, records.LinkBytes | records.LinkBytesSent | records.AcousticBytes):
         return len(record.data) + _BLOCK_BYTES
     if isinstance(record, records.Ping):
         return len(record.samples) + _RECORD_BYTES

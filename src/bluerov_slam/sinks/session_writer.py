@@ -208,6 +208,8 @@ class SessionWriter:
                 jsonl.write(self._lines.feed(record))
             elif isinstance(record, records.PositionFix):
                 jsonl.write([self._navigation_lines.fix(record)])
+            elif isinstance(record, records.AcousticFix):
+                jsonl.write([self._navigation_lines.acoustic(record)])
             elif isinstance(record, records.NavState) and self._navigation_line_due.wants(record):
                 jsonl.write([self._navigation_lines.state(record)])
         except (TypeError, ValueError, ArithmeticError, LookupError):
@@ -278,6 +280,10 @@ def _write_mcap(mcap: McapLog, record: records.Record) -> int:
     if isinstance(record, records.LinkBytes):
         stamp_ns = to_ns(record.arrived_s)
         mcap.write_raw(record.data, stamp_ns)
+        return stamp_ns
+    if isinstance(record, records.AcousticBytes):
+        stamp_ns = to_ns(record.arrived_s)
+        mcap.write_datagram(record, stamp_ns)
         return stamp_ns
     if isinstance(record, records.LinkBytesSent):
         mcap.write_raw_down(record.data, to_ns(record.sent_s))

@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from bluerov_slam.records import (
+    AcousticBytes,
     FixType,
     GpsFix,
     NavMode,
@@ -38,6 +39,7 @@ VEHICLE_TOPICS: dict[str, type[VehicleRecord]] = {
 POSITION_FIX_TOPIC = "/position_fix"
 GPS_TOPIC = "/gps"
 NAVIGATION_TOPIC = "/navigation"
+ACOUSTIC_RAW_TOPIC = "/acoustics/raw"
 
 
 def read_record(topic: str, data: bytes) -> Record | None:
@@ -47,6 +49,13 @@ def read_record(topic: str, data: bytes) -> Record | None:
         return _READERS[topic](fields)
     except (AttributeError, KeyError, TypeError, ValueError):
         return None
+
+
+def read_datagram(data: bytes, arrived_s: float) -> AcousticBytes | None:
+    """A datagram of an acoustic board with its sender; None if it was cut off."""
+    if not data or len(data) < 1 + data[0]:
+        return None
+    return AcousticBytes(data[1 + data[0] :], arrived_s, data[1 : 1 + data[0]].decode(errors="replace"))
 
 
 def _plain(kind: Callable[..., Record]) -> Callable[[Mapping[str, Any]], Record]:

@@ -26,12 +26,14 @@ from mcap.writer import MCAP0_MAGIC
 
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.protocol.esp32_messages import KNOWN_TYPES, Esp32FrameDecoder
-from bluerov_slam.records import GpsFix, LinkBytes, NavState, PositionFix, Record, VehicleRecord
+from bluerov_slam.records import AcousticBytes, GpsFix, LinkBytes, NavState, PositionFix, Record, VehicleRecord
 from bluerov_slam.sources.recorded_json import (
+    ACOUSTIC_RAW_TOPIC,
     GPS_TOPIC,
     NAVIGATION_TOPIC,
     POSITION_FIX_TOPIC,
     VEHICLE_TOPICS,
+    read_datagram,
     read_record,
 )
 
@@ -51,9 +53,9 @@ _PART_NAME = re.compile(r"(?:.*/)?link_\d{3,}\.mcap")
 
 
 # What stands beside the link bytes; a log that was imported brings GPS fixes, too, which else are decoded anew.
-_BESIDE_LINK = (*VEHICLE_TOPICS, POSITION_FIX_TOPIC)
+_BESIDE_LINK = (*VEHICLE_TOPICS, POSITION_FIX_TOPIC, ACOUSTIC_RAW_TOPIC)
 
-Received = LinkBytes | VehicleRecord | PositionFix | GpsFix
+Received = LinkBytes | AcousticBytes | VehicleRecord | PositionFix | GpsFix
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,9 @@ class Recording:
         for message in self.messages(topics):
             if message.topic == RAW_TOPIC:
                 yield LinkBytes(message.data, message.publish_ns / 1e9)
+            elif message.topic == ACOUSTIC_RAW_TOPIC:
+                if (datagram := read_datagram(message.data, message.publish_ns / 1e9)) is not None:
+                    yield datagram
             else:
                 record = self._read(message)
                 if isinstance(record, Received):

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from bluerov_slam.errors import RecordingError
+from bluerov_slam.pipeline.acoustic_frames import AcousticInput
 from bluerov_slam.pipeline.health import LinkFacts, PortState
 from bluerov_slam.pipeline.link_decoder import LinkDecoder
-from bluerov_slam.records import Channel, LinkBytes, Record
+from bluerov_slam.records import AcousticBytes, Channel, LinkBytes, Record
 from bluerov_slam.sources.recording_reader import Received, Recording
 
 _log = logging.getLogger(__name__)
@@ -39,19 +40,22 @@ def decoder_for(recording: Recording) -> LinkDecoder:
 
 def decode(recording: Recording, baud: int = 115200) -> Iterator[Record]:
     """Every record of a dive: decoded afresh from its raw bytes, and those that came beside the link."""
-    decoder = decoder_for(recording)
+    decoder, boards = decoder_for(recording), AcousticInput()
     for received in recording.received(baud):
         if isinstance(received, LinkBytes):
             yield from decoder.feed(received.data, received.arrived_s)
+        elif isinstance(received, AcousticBytes):
+            yield from boards.feed(received.data, received.source, received.arrived_s)
         else:
             yield received
     yield from decoder.finish()
+    yield from boards.finish()
 
 
 class ReplaySource:
     """Stands where the serial port stands. `speed` times real time, None = as fast as it can be taken.
 
-    `on_vehicle` gets what came beside the link: the vehicle's own messages and positions given to us.
+    `on_vehicle` gets what came beside the link: the vehicle's own messages, positions given to us, acoustic datagrams.
     """
 
     kind = "replay"

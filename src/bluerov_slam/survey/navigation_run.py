@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bluerov_slam.pipeline.acoustics import AcousticNavigation
 from bluerov_slam.pipeline.navigator import Navigator, NavigatorOptions, SavedNavigation
 from bluerov_slam.records import Event, GpsFix, NavMode, NavSensor, NavState, PositionFix, Record, SensorTrust
 from bluerov_slam.sources.recording_reader import Recording
@@ -105,10 +106,12 @@ def run_navigation(
     ear = _Ear()
     navigator.on_update = ear.hear
     collector = _Collector(ear, (lambda _state: None) if smooth else keep)
+    aided = AcousticNavigation(navigator, navigator.options.acoustics)
     for record in decode(recording, baud):
         collector.before(record)
-        for result in navigator.feed(record):
-            collector.take(result)
+        for result in aided.feed(record):
+            if isinstance(result, NavState | Event):
+                collector.take(result)
         collector.after(record)
     run = collector.run(list(dict.fromkeys(recording.problems)))
     if smooth:

@@ -1,0 +1,33 @@
+"""What the acoustic pipeline must know that no sensor tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
+
+
+@dataclass(frozen=True)
+class AcousticOptions:
+    """`beacon_deg` is the transmitter's latitude and longitude, None where it is not known.
+
+    `sound_speed_mps` is used where the CTD tells none, or always with `sound_speed_fixed`. `delay_std_s` is the error
+    of a delay that the board measured itself (one sigma), `slip_prior` how often one of its receivers is wrong by a
+    period of the carrier; `nearest_m`: the transmitter is hardly ever nearer. `use_for_navigation`: the navigator takes
+    the delays.
+    """
+
+    array: ReceiverArray = field(default_factory=ReceiverArray.cross)
+    mounting: ArrayMounting = field(default_factory=ArrayMounting)
+    sound_speed_mps: float = 1500.0
+    sound_speed_fixed: bool = False
+    beacon_deg: tuple[float, float] | None = None
+    beacon_depth_m: float | None = None
+    beacon_std_m: float = 1.0
+    beacon_depth_std_m: float = 0.1
+    beacon_from_message: bool = True
+    carrier_hz: float = 40_000.0
+    delay_std_s: float = 0.5e-6
+    slip_prior: float = 0.01
+    nearest_m: float = 3.0
+    use_for_navigation: bool = True

@@ -1,0 +1,236 @@
+"""Acoustic records in, AcousticFix out: the one path of live operation, replay and batch.
+
+Every pulse gives one fix, good or not. Nothing here reads a clock: the same records and states give the same fixes,
+bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bluerov_slam.acoustics.message.demodulation import demodulate
+from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
+from bluerov_slam.pipeline.acoustic_beacon import Beacons
+from bluerov_slam.pipeline.acoustic_delays import count_mismatch, differences_of, with_slips
+from bluerov_slam.pipeline.acoustic_options import AcousticOptions
+from bluerov_slam.pipeline.acoustic_position import Poses, direction_of, place, solve_direction
+from bluerov_slam.records import (
+    AcousticFix,
+    AcousticMessage,
+    AcousticRecord,
+    CtdSample,
+    Event,
+    NavState,
+    TimeDifferenceReading,
+)
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    from numpy.typing import NDArray
+
+    from bluerov_slam.acoustics.time_differences.result import TimeDifferences
+    from bluerov_slam.records import Record
+
+    Array = NDArray[np.float64]
+
+    class NavigatorLike(Protocol):
+        """What of `pipeline.navigator.Navigator` is used here."""
+
+        def feed(self, record: Record) -> list[NavState | Event]: ...
+
+
+# While raw records come, each pulse is judged by its record, and the board's own delays of it are not needed.
+RECORDS_FLOW_S: Final = 5.0
+# A record of a whole message is long, and sampled too slowly for the delays.
+MESSAGE_RECORD_S: Final = 0.1
+# With more than this share of a record lost, what is left of it may mislead.
+LARGEST_LOSS: Final = 0.1
+# A wrong carrier cell more likely than this, and nobody may rely on the direction.
+AMBIGUOUS: Final = 0.2
+# A CTD that was silent for longer may have been in other water.
+SOUND_SPEED_KEPT_S: Final = 600.0
+SOUND_SPEEDS_MPS: Final = (300.0, 1700.0)
+AMBIGUOUS_TEXT: Final = "a receiver may be wrong by one period of the carrier, and nothing tells which"
+
+Heard = AcousticFix | AcousticMessage
+
+
+class AcousticPipeline:
+    """Takes records in order of arrival, and the navigator's states between them."""
+
+    def __init__(self, options: AcousticOptions | None = None) -> None:
+        self.options = options or AcousticOptions()
+        self._poses = Poses()
+        self._beacons = Beacons(self.options)
+        self._sound_speed: tuple[float, float] | None = None
+        self._record_s = -math.inf
+
+    def observe(self, state: NavState) -> None:
+        """Take a state of the navigator: attitude and depth."""
+        self._poses.observe(state)
+
+    def feed(self, record: Record) -> list[Heard]:
+        """Take one record; other types than its own are passed over. A message comes out that a raw record held."""
+        if isinstance(record, TimeDifferenceReading):
+            return [] if record.arrived_s - self._record_s < RECORDS_FLOW_S else [self._of_reading(record)]
+        if isinstance(record, AcousticRecord):
+            if record.samples.shape[1] / record.sample_rate_hz > MESSAGE_RECORD_S:
+                return self._messages_of(record)
+            self._record_s = record.arrived_s
+            return [self._of_record(record)]
+        if isinstance(record, CtdSample):
+            self._on_ctd(record)
+        elif isinstance(record, AcousticMessage):
+            self._beacons.hear(record)
+        return []
+
+    def _on_ctd(self, sample: CtdSample) -> None:
+        speed = sample.sound_speed_mps
+        if speed is not None and SOUND_SPEEDS_MPS[0] <= speed <= SOUND_SPEEDS_MPS[1]:
+            self._sound_speed = (speed, sample.arrived_s)
+
+    def _of_reading(self, reading: TimeDifferenceReading) -> AcousticFix:
+        base = replace(
+            self._nothing(reading.measured_s, reading.arrived_s),
+            signal_std_counts=_known(reading.signal_std_counts),
+            frame_bits=reading.frame_bits,
+        )
+        found = differences_of(reading, self.options, base.sound_speed_mps)
+        return replace(base, reason=found) if isinstance(found, str) else self._judged(base, found)
+
+    def _of_record(self, record: AcousticRecord) -> AcousticFix:
+        samples = record.samples.astype(np.float64)
+        base = replace(
+            self._nothing(record.measured_s, record.arrived_s),
+            signal_std_counts=_known(samples.std(axis=1)),
+            record_id=record.record_id,
+        )
+        array = self.options.array
+        if len(samples) != len(array):
+            return replace(base, reason=count_mismatch(len(samples), len(array)))
+        lost = record.missing_samples / samples.shape[1]
+        if lost > LARGEST_LOSS:
+            return replace(base, reason=f"{100.0 * lost:.0f} % of the record did not arrive; see the link's load")
+        found = estimate_delays(samples, record.sample_rate_hz, array, base.sound_speed_mps)
+        return self._judged(base, found)
+
+    def _messages_of(self, record: AcousticRecord) -> list[Heard]:
+        try:
+            frame = demodulate(record.samples.astype(np.float64), record.sample_rate_hz)
+        except ValueError:  # sampled too slowly
+            return []
+        if frame is None or frame.payload is None:
+            return []
+        measured_s = record.measured_s + frame.start_s
+        message = AcousticMessage(measured_s, record.arrived_s, min(frame.corrected_errors, 255), frame.payload)
+        self._beacons.hear(message)
+        return [message]
+
+    def _nothing(self, measured_s: float, arrived_s: float) -> AcousticFix:
+        beacon = self._beacons.at(arrived_s)
+        return AcousticFix(
+            measured_s=measured_s,
+            arrived_s=arrived_s,
+            accepted=False,
+            reason="",
+            sound_speed_mps=self._speed(arrived_s),
+            beacon_deg_m=None if beacon is None else beacon.deg_m,
+            beacon_std_m=None if beacon is None else beacon.std_m,
+            beacon_source=None if beacon is None else beacon.source,
+        )
+
+    def _speed(self, now_s: float) -> float:
+        if not self.options.sound_speed_fixed and self._sound_speed is not None:
+            speed, heard_s = self._sound_speed
+            if now_s - heard_s <= SOUND_SPEED_KEPT_S:
+                return speed
+        return self.options.sound_speed_mps
+
+    def _judged(self, base: AcousticFix, differences: TimeDifferences) -> AcousticFix:
+        options, speed = self.options, base.sound_speed_mps
+        base = replace(base, snr_db=_known(differences.snr_db), excluded=differences.excluded)
+        if len(differences.receivers) < 3:
+            return replace(base, reason=_too_few(differences))
+        if math.isnan(differences.slip_probability):
+            differences = with_slips(differences, options, speed)
+        slip = differences.slip_probability
+        solution = solve_direction(differences, options, speed)
+        fix = replace(
+            base,
+            reason=solution.reason,
+            receivers=tuple(differences.receivers.tolist()),
+            delays_s=tuple(differences.delays_s.tolist()),
+            delay_covariance_s2=_rows(differences.covariance_s2),
+            slip_probability=None if math.isnan(slip) else slip,
+            alternatives=tuple((tuple(delays.tolist()), share) for delays, share in differences.alternatives),
+        )
+        if not solution.good:
+            return fix
+        direction = direction_of(solution, options)
+        (a, b), (_, d) = _rows(direction.covariance_rad2)
+        fix = replace(
+            fix,
+            residuals_s=tuple(solution.residuals_s.tolist()),
+            azimuth_rad=direction.azimuth_rad,
+            elevation_rad=direction.elevation_rad,
+            direction_covariance_rad2=((a, b), (b, d)),
+        )
+        if not math.isnan(slip) and slip > AMBIGUOUS:
+            return replace(fix, reason=AMBIGUOUS_TEXT)
+        beacon, pose = self._beacons.at(fix.arrived_s), self._poses.at(fix.measured_s)
+        placed = place(differences, solution, pose, beacon, options, speed)
+        return replace(
+            fix,
+            accepted=True,
+            reason=placed.reason,
+            range_m=placed.range_m,
+            range_std_m=placed.range_std_m,
+            position_deg=placed.position_deg,
+            covariance_ned_m2=None if placed.covariance_ned_m2 is None else _rows(placed.covariance_ned_m2),
+        )
+
+
+class AcousticNavigation:
+    """The navigator with the array beside it: the navigator's states go to the pipeline, the fixes to the navigator."""
+
+    def __init__(self, navigator: NavigatorLike, options: AcousticOptions | None = None) -> None:
+        self.navigator = navigator
+        self.pipeline = None if options is None else AcousticPipeline(options)
+
+    def feed(self, record: Record) -> list[NavState | Event | Heard]:
+        """Take one record; states, events and fixes in the order in which they came about."""
+        results: list[NavState | Event | Heard] = list(self.navigator.feed(record))
+        pipeline = self.pipeline
+        if pipeline is None:
+            return results
+        for result in results:
+            if isinstance(result, NavState):
+                pipeline.observe(result)
+        for heard in pipeline.feed(record):
+            results.append(heard)
+            if pipeline.options.use_for_navigation and isinstance(heard, AcousticFix):
+                results += self.navigator.feed(heard)
+        return results
+
+
+def _too_few(differences: TimeDifferences) -> str:
+    whole = next((reason for receiver, reason in differences.excluded if receiver < 0), None)
+    if whole is not None:
+        return whole
+    used = len(differences.receivers)
+    if used == 0:
+        return "no receiver heard a pulse: the transmitter is off, or out of range"
+    return f"only {used} of the receivers can be used, and a direction needs 3"
+
+
+def _known(values: Array) -> tuple[float | None, ...]:
+    return tuple(None if math.isnan(value) else value for value in np.asarray(values, float).tolist())
+
+
+def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
