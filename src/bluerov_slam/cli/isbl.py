@@ -7,7 +7,9 @@ import click
 from bluerov_slam.cli.lazy_group import LazyGroup
 
 # Sub-command name -> module of this package that holds a click command called `command`.
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "simulate": "isbl_simulate",
+}
 
 
 @click.group(

@@ -71,6 +71,7 @@ class AcousticSetup:
     medium: Medium = field(default_factory=Medium)
     reflectors: tuple[Reflector, ...] = ()
     directivity: bool = False
+    direct_gain: float = 1.0  # less than 1: something stands between transmitter and array, and only echoes pass
     carrier_hz: tuple[float, float] = REAL_CARRIER_HZ  # drawn evenly between them, by the receiver's clock
     bits: tuple[int, ...] | None = None  # None: a frame with a drawn message counter
     chain: ReceptionChain = field(default_factory=ReceptionChain)
@@ -184,6 +185,7 @@ def _simulate(setup: AcousticSetup, sources_m: FloatArray, rng: np.random.Genera
     bits = _draw_bits(setup, draws, rng)
     parts = _draw_parts(setup, draws, rng)
     paths = trace_paths(setup.array.positions_m, sources_m, setup.medium, setup.reflectors, setup.directivity)
+    paths.amplitude[:, 0] *= setup.direct_gain
     first_s = paths.delay_s[:, 0].min(axis=1)
     # The stream starts so that the first arrival falls anywhere within a block, after a few blocks of quiet.
     block = setup.trigger.block_samples
@@ -322,10 +324,11 @@ def _level(setup: AcousticSetup, clean: FloatArray) -> FloatArray:
 def _peak_at_1m(setup: AcousticSetup) -> float:
     """Peak of the nominal chain's output to a drive of amplitude 1 at the middle of the carriers."""
     length = 1 << 13
-    frequency_hz = spectral_lines_hz(length, setup.sample_rate_hz)
+    # At the board's rate, whatever the record's: 21 samples per period find the peak.
+    frequency_hz = spectral_lines_hz(length, SAMPLE_RATE_HZ)
     step_s = np.array([0.5 / (0.5 * sum(setup.carrier_hz))])
     spectrum = drive_spectrum(frequency_hz, step_s, (1, 1, 1, 1))[0] * setup.chain.response(frequency_hz)
-    return float(np.abs(np.fft.irfft(setup.sample_rate_hz * spectrum, length)).max())
+    return float(np.abs(np.fft.irfft(SAMPLE_RATE_HZ * spectrum, length)).max())
 
 
 def _first_samples(
