@@ -18,9 +18,11 @@ import click
 from bluerov_slam.cli.firmware_choice import choose_board
 from bluerov_slam.cli.service_options import FIRMWARES
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.services.acoustic_player import AcousticPlayer
 from bluerov_slam.services.autopilot_player import AutopilotPlayer
 from bluerov_slam.services.simulator import Simulator
 from bluerov_slam.services.vehicle_log_player import VehicleLogPlayer
+from bluerov_slam.simulation.acoustic_board import acoustic_board
 from bluerov_slam.simulation.faults import parse_fault
 from bluerov_slam.simulation.scenario import SCENARIOS, Scenario, scenario_from_mapping
 from bluerov_slam.simulation.scene import FlownScene, RecordedScene, Scene, SimulatedScene
@@ -30,7 +32,7 @@ from bluerov_slam.sources.vehicle_log import read_vehicle_log
 from bluerov_slam.sources.xtf import read_xtf
 
 XTF_SAMPLES = 1000
-Part = Simulator | VehicleLogPlayer | AutopilotPlayer
+Part = Simulator | VehicleLogPlayer | AutopilotPlayer | AcousticPlayer
 
 
 def default_link() -> Path:
@@ -72,6 +74,9 @@ def default_link() -> Path:
 @click.option(
     "--autopilot", help="HOST:PORT at which the vehicle's autopilot speaks MAVLink, for example 127.0.0.1:14402."
 )
+@click.option(
+    "--acoustics", help="HOST:PORT to which an acoustic board sends, for example 127.0.0.1:14557; adds a beacon."
+)
 @click.option("--duration", type=click.FloatRange(min=0.0, min_open=True), help="Stop after so many seconds.")
 def command(
     baud: str,
@@ -88,6 +93,7 @@ def command(
     tlog_target: str,
     tlog_only: bool,
     autopilot: str | None,
+    acoustics: str | None,
     duration: float | None,
 ) -> None:
     """Simulate the ESP32 with all its sensors on a pseudo-terminal, in real time."""
@@ -99,6 +105,8 @@ def command(
         raise ConfigError("--tlog-only needs --tlog FILE")
     if autopilot is not None and (xtf or tlog or tlog_only):
         raise ConfigError("--autopilot flies the simulated dive: it goes neither with --xtf nor with --tlog")
+    if acoustics is not None and (xtf or tlog_only):
+        raise ConfigError("--acoustics needs the simulated dive: it goes neither with --xtf nor with --tlog-only")
     parts: list[Part] = []
     if not tlog_only:
         scenario = load_scenario(scenario_name, seed=seed, legacy=legacy, faults=faults)
@@ -106,6 +114,8 @@ def command(
         parts.append(simulator)
         if autopilot is not None:
             parts.append(make_autopilot(simulator.board, _address("--autopilot", autopilot)))
+        if acoustics is not None:
+            parts.append(make_acoustics(simulator.board, _address("--acoustics", acoustics)))
     if tlog is not None:
         target = _address("--tlog-target", tlog_target)
         parts.append(VehicleLogPlayer(read_vehicle_log(tlog), target, on_event=_say))
@@ -176,6 +186,13 @@ def make_autopilot(board: VirtualEsp32, address: tuple[str, int]) -> AutopilotPl
         dvl=scenario.dvl,
     )
     return AutopilotPlayer(autopilot, lambda: board.now_s, address, on_event=_say)
+
+
+def make_acoustics(board: VirtualEsp32, address: tuple[str, int]) -> AcousticPlayer:
+    """An acoustic board on the same vehicle; the scenario's, or the usual one."""
+    if board.acoustics is not None:
+        raise ConfigError("--acoustics: this scenario's acoustic board sends over the ESP32's line (link = serial)")
+    return AcousticPlayer(acoustic_board(board.scenario, board.scene), lambda: board.now_s, address, on_event=_say)
 
 
 async def _run_all(parts: list[Part], duration_s: float | None) -> None:

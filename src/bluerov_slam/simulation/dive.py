@@ -216,6 +216,7 @@ def _scenario(plan: DivePlan, seed: int) -> Scenario:
         conditions=plan.conditions,
         noise_family=plan.noise_family,
         uncalibrated=plan.uncalibrated,
+        acoustics=None if plan.acoustics is None else replace(plan.acoustics, link="serial"),
         faults=plan.faults,
         clock_drift_ppm=float(np.clip(12.0 * np.random.default_rng([seed, 0xC10C]).standard_normal(), -40.0, 40.0)),
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import cast
 
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.simulation.acoustic_plan import AcousticPlan, acoustic_plan_from_mapping
 from bluerov_slam.simulation.conditions import CONDITIONS, FAMILIES
 from bluerov_slam.simulation.faults import Fault, fault_from_mapping
 from bluerov_slam.simulation.routes import DepthPlan, JoinedRoutes, LegRoute, SwingRoute, lawnmower_corners
@@ -24,7 +25,8 @@ class DivePlan:
 
     `rest_s`: afloat and at rest before the track begins, so that everything has power, a fix and a first attitude; it
     comes before the 1960 s of a lawnmower. `kind`: lawnmower; swing (two slow turns on the spot, afloat); the one
-    behind the other; tumble (on deck, every face of the IMU up once, then turned about in the hand).
+    behind the other; tumble (on deck, every face of the IMU up once, then turned about in the hand). `acoustics`: a
+    beacon and an array; what the array's board sends comes over the ESP32's line.
     """
 
     name: str = "lawnmower"
@@ -45,6 +47,7 @@ class DivePlan:
     origin_longitude_deg: float = -2.7456
     water: WaterProfile = field(default_factory=WaterProfile)
     water_depth_m: float = 15.0
+    acoustics: AcousticPlan | None = None
     faults: tuple[Fault, ...] = ()
 
     def route(self) -> LegRoute | SwingRoute | JoinedRoutes:
@@ -102,6 +105,8 @@ def dive_plan_from_mapping(values: Mapping[str, object]) -> DivePlan:
             raise ConfigError(f"dive plan: unknown key '{key}'; allowed: base, {', '.join(known)}")
         if key == "faults" and isinstance(value, list | tuple):
             changes[key] = tuple(fault_from_mapping(cast(Mapping[str, object], item)) for item in value)
+        elif key == "acoustics" and isinstance(value, Mapping):
+            changes[key] = acoustic_plan_from_mapping(value)
         elif key == "water" and isinstance(value, Mapping):
             changes[key] = replace(WaterProfile(), **value)
         elif isinstance(known[key], float) and isinstance(value, int | float) and not isinstance(value, bool):

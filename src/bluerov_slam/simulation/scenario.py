@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import cast, get_type_hints
 
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.simulation.acoustic_plan import AcousticPlan, acoustic_plan_from_mapping
 from bluerov_slam.simulation.conditions import CONDITIONS, FAMILIES
 from bluerov_slam.simulation.faults import Fault, fault_from_mapping
 from bluerov_slam.simulation.water import WaterProfile
@@ -20,7 +21,7 @@ class Scenario:
     board's age at the start. `b_starts_mid_ping`: sonar B is switched on in the middle of a ping. `new_sensors`: IMU
     and conductivity probe are as from the factory, and the board has to set them up. `conditions` and `noise_family`
     say how hard sea and instruments are (`conditions.py`), `thrusters` which frame flies; `uncalibrated`: IMU and
-    compass as delivered.
+    compass as delivered. `acoustics`: a beacon in the water and an array on the vehicle.
     """
 
     name: str = "survey"
@@ -54,6 +55,7 @@ class Scenario:
     thrusters: int = 6
     dvl: bool = False
     uncalibrated: bool = False
+    acoustics: AcousticPlan | None = None
     faults: tuple[Fault, ...] = ()
 
 
@@ -65,6 +67,7 @@ SCENARIOS = {
     "deep": Scenario(name="deep", water_depth_m=84.0, survey_depth_m=78.0),
     "saturated": Scenario(name="saturated", samples=2000, resolution_mm=15),
     "high_resolution": Scenario(name="high_resolution", samples=3000, resolution_mm=10, mission_start_s=60.0),
+    "beacon": Scenario(name="beacon", acoustics=AcousticPlan()),
     "legacy": Scenario(name="legacy", legacy=True),
     "dual_channel": Scenario(name="dual_channel", dual_channel_a=True),
     "mod255": Scenario(name="mod255", checksum_a="mod255", checksum_b="mod255"),
@@ -148,6 +151,10 @@ def _checked(key: str, value: object, wanted: object) -> object:
         return tuple(fault_from_mapping(cast(Mapping[str, object], item)) for item in value)
     if key == "water":
         return _water(value)
+    if key == "acoustics":
+        if not isinstance(value, Mapping):
+            raise ConfigError("scenario: acoustics must be a table")
+        return acoustic_plan_from_mapping(value)
     if key in _CHOICES and value not in _CHOICES[key]:
         raise ConfigError(f"scenario: {key} must be one of {', '.join(map(str, _CHOICES[key]))}, not {value!r}")
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):

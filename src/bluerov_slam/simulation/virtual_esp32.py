@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 from bluerov_slam.protocol.kogger_bundle import Coding
 from bluerov_slam.records import Channel
+from bluerov_slam.simulation.acoustic_board import VirtualAcousticBoard, acoustic_board
 from bluerov_slam.simulation.attached_instruments import AttachedInstruments
 from bluerov_slam.simulation.attached_sonar import AttachedSonar
 from bluerov_slam.simulation.board import ROM_BAUD, TICK_US, Board, BoardSettings, BootInfo, Output, Port, Sink
@@ -29,6 +30,7 @@ from bluerov_slam.simulation.sensors import Instruments
 from bluerov_slam.simulation.timeline import Timeline
 from bluerov_slam.simulation.wire import PacedWire
 
+_ACOUSTICS_S = 0.02
 BOOT_S = 0.6
 BOOT_TEXT_AT_S = 0.02
 _POWER_ON = 1  # reset reason
@@ -92,6 +94,7 @@ class VirtualEsp32:
         self._sonars = {channel: self._attach_sonar(channel) for channel in Channel}
         self._small = AttachedInstruments(scenario, self.instruments, self._timeline, self._is_heard, self._tell_i2c)
         self._lines = {_SONAR_PORTS[channel]: sonar.line for channel, sonar in self._sonars.items()} | self._small.lines
+        self.acoustics = self._attach_acoustics()
         self.instruments.power_up(-scenario.uptime_s)
         self._start_firmware(_POWER_ON)
         for fault in scenario.faults:
@@ -300,6 +303,21 @@ class VirtualEsp32:
             return self._is_heard(channel.lower())
 
         return AttachedSonar(channel, self.scenario, self.scene, self.instruments, self._timeline, is_heard)
+
+    def _attach_acoustics(self) -> VirtualAcousticBoard | None:
+        """The acoustic board whose frames the ESP32 passes on, stamped by its own clock."""
+        plan = self.scenario.acoustics
+        if plan is None or plan.link != "serial":
+            return None
+        self._timeline.at(_ACOUSTICS_S, self._pass_acoustics)
+        return acoustic_board(self.scenario, self.scene, clock_us=lambda at_s: self._clock.us(at_s))
+
+    def _pass_acoustics(self) -> None:
+        self._timeline.at(self.now_s + _ACOUSTICS_S, self._pass_acoustics)
+        assert self.acoustics is not None
+        for _, frame in self.acoustics.advance(self.now_s):
+            if self._running:
+                self._send(frame, self.now_s)
 
     def _is_heard(self, sensor: str) -> bool:
         """Whether this sensor has power and no fault keeps it silent."""
