@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from bluerov_slam.acoustics.message.report import BeaconReport
+from bluerov_slam.acoustics.receiver_faults import Fault, examine_record, find_swapped
 from bluerov_slam.clock import DeviceClock
 from bluerov_slam.errors import ConfigError
-from bluerov_slam.protocol.acoustic_messages import unpack_message, unpack_record_chunk, unpack_tdoa
+from bluerov_slam.protocol.acoustic_messages import NO_DELAY_NS, unpack_message, unpack_record_chunk, unpack_tdoa
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType
 from bluerov_slam.simulation.acoustic_board import VirtualAcousticBoard, acoustic_board, rotation_frd_array
 from bluerov_slam.simulation.acoustic_plan import ERROR_SETS, AcousticPlan, acoustic_plan_from_mapping
@@ -215,3 +216,47 @@ def test_a_wrong_plan_is_named(values, message):
 def test_no_errors_means_none():
     assert ERROR_SETS["none"].shadowed_share == 0.0
     assert ERROR_SETS["none"].beacon_watch_s > 0.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "found"),
+    [("dead 2", Fault.DEAD), ("silent 1", Fault.SILENT), ("clipped 3", Fault.CLIPPED)],
+)
+def test_a_faulty_receiver_shows_in_the_record(scene, fault, found):
+    board = _board(scene, replace(QUIET, record_every=1, faults=(fault,)))
+    frames = _frames(board.advance(1.6))
+    chunks = [unpack_record_chunk(p) for _, kind, p in frames if kind == MessageType.ACOUSTIC_RECORD]
+    samples = np.concatenate([chunk.samples for chunk in chunks if chunk.record_id == 1]).T
+    (finding,) = examine_record(samples, chunks[0].sample_rate_hz)
+    assert (finding.fault, finding.receivers) == (found, (int(fault[-1]),))
+
+
+def test_exchanged_receivers_show_in_the_delays(scene):
+    board = _board(scene, replace(QUIET, faults=("swapped 1 2",)))
+    delays_s = np.array([reading.delays_ns for reading in _readings(board.advance(8.0))]) * 1e-9
+    finding = find_swapped(delays_s, board.nominal_array, 1500.0)
+    assert finding is not None
+    assert "1 and 2" in finding.text
+
+
+def test_a_dead_receiver_s_delay_is_not_measured(scene):
+    board = _board(scene, replace(QUIET, faults=("dead 2",)))
+    for reading in _readings(board.advance(4.0)):
+        assert [delay == NO_DELAY_NS for delay in reading.delays_ns] == [False, True, False]
+
+
+def test_two_beacons_are_heard_in_turn(scene):
+    plan = replace(QUIET, second_beacon_ned_m=(-30.0, 40.0, 3.0))
+    board = _board(scene, plan)
+    readings = _readings(board.advance(10.0))
+    heard = [pulse for pulse in board.pulses if not pulse.reason]
+    assert len(readings) == len(heard)
+    assert {pulse.beacon for pulse in heard} == {0, 1}
+    directions = [pulse.direction_frd for pulse in heard]
+    assert np.degrees(np.arccos(np.clip(directions[0] @ directions[1], -1.0, 1.0))) > 20.0
+
+
+@pytest.mark.parametrize("fault", ["dead", "dead 4", "odd 1", "swapped 1", "swapped 1 1", "dead x"])
+def test_a_fault_that_makes_no_sense_is_named(fault):
+    with pytest.raises(ConfigError, match="is none of dead N"):
+        AcousticPlan(faults=(fault,))

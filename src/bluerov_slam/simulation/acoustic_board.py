@@ -34,7 +34,7 @@ from bluerov_slam.protocol.acoustic_messages import (
 from bluerov_slam.protocol.esp32_messages import MessageType, encode_frame
 from bluerov_slam.records import AcousticRecord
 from bluerov_slam.simulation.acoustic_paths import Medium, Reflector
-from bluerov_slam.simulation.acoustic_plan import AcousticPlan
+from bluerov_slam.simulation.acoustic_plan import AcousticPlan, parse_receiver_fault
 from bluerov_slam.simulation.acoustic_rays import WaterColumn
 from bluerov_slam.simulation.acoustic_record import (
     SAMPLE_RATE_HZ,
@@ -57,6 +57,9 @@ _CHUNK_S = 0.004
 _MESSAGE_S = 0.25  # the frame's 0.16 s and the decoder
 _MESSAGE_DECIMATION, _MESSAGE_SAMPLES = 8, 19_200
 _REMEMBERED = 10_000
+_LEAST_RECEIVERS = 3
+_SECOND_FASTER = 0.004  # no two clocks agree
+_OVERDRIVE, _STUCK_COUNTS = 200.0, -2048.0
 
 FloatArray = NDArray[np.float64]
 
@@ -68,6 +71,7 @@ class TruePulse:
     Times are virtual; `reason` says why the board sent nothing, empty if it did.
     """
 
+    beacon: int
     sent_s: float
     arrived_s: float
     range_m: float
@@ -135,7 +139,10 @@ class VirtualAcousticBoard:
         self._record_wanted = False
         self._records = 0
         self._counter = int(rng.integers(0, 256))
-        self._next_s = FIRST_PULSE_S
+        self._faults = [parse_receiver_fault(fault, len(places)) for fault in plan.faults]
+        self._due: list[tuple[float, int]] = [(FIRST_PULSE_S, 0)]
+        if plan.second_beacon_ned_m is not None:
+            self._due.append((FIRST_PULSE_S + 0.43 * self._period_s, 1))
         self._free_s = 0.0
         self._waiting: list[tuple[float, int, bytes]] = []
         self._order = 0
@@ -144,9 +151,11 @@ class VirtualAcousticBoard:
         """Send the record of the next pulse that is heard."""
         self._record_wanted = True
 
-    def beacon_ned_m(self, at_s: float) -> FloatArray:
-        """Where the beacon is: at its place, or on the circle of its mooring."""
+    def beacon_ned_m(self, at_s: float, beacon: int = 0) -> FloatArray:
+        """Where the beacon is: at its place, or on the circle of its mooring; 1 is the second one, which is fixed."""
         plan, errors = self.plan, self._errors
+        if beacon == 1:
+            return np.array(plan.second_beacon_ned_m)
         angle = self._watch_rad + 2.0 * math.pi * at_s / errors.beacon_watch_s
         swing_m = errors.beacon_watch_m
         return np.array(
@@ -159,24 +168,25 @@ class VirtualAcousticBoard:
 
     def advance(self, until_s: float) -> list[tuple[float, bytes]]:
         """Every frame that has left the board by this virtual time and was not given yet, in order."""
-        while self._next_s <= until_s:
-            self._pulse(self._next_s)
-            self._next_s += self._period_s
+        while self._due[0][0] <= until_s:
+            sent_s, beacon = heapq.heappop(self._due)
+            self._pulse(sent_s, beacon)
+            heapq.heappush(self._due, (sent_s + self._period_s * (1.0 - _SECOND_FASTER * beacon), beacon))
         gone: list[tuple[float, bytes]] = []
         while self._waiting and self._waiting[0][0] <= until_s:
             at_s, _, frame = heapq.heappop(self._waiting)
             gone.append((at_s, frame))
         return gone
 
-    def _pulse(self, sent_s: float) -> None:
-        """One pulse from the beacon to the frames."""
+    def _pulse(self, sent_s: float, beacon: int) -> None:
+        """One pulse from a beacon to the frames."""
         plan = self.plan
         self._sent += 1
         self._counter = (self._counter + 1) % 256
         with_message = plan.message_every > 0 and self._sent % plan.message_every == 0
-        report = self._beacon_report(sent_s).pack() if with_message else None
-        setup, truth, source_m = self._hear(sent_s, report)
-        record = simulate_record(setup, source_m, int(self._rng.integers(1 << 62)))
+        report = self._beacon_report(sent_s, beacon).pack() if with_message else None
+        setup, truth, source_m = self._hear(sent_s, beacon, report)
+        record = self._taken(setup, source_m)
         truth = replace(
             truth, delays_s=record.delays_s, snr_db=float(record.snr_db.mean()), reason=self._refusal(record, truth)
         )
@@ -200,16 +210,16 @@ class VirtualAcousticBoard:
             done_s = self._send_record(record, t_us, done_s)
         self._free_s = done_s
 
-    def _beacon_report(self, sent_s: float) -> BeaconReport:
-        """What the beacon says of itself: the position its own GPS receiver has, and when it began to send."""
-        place_m = self.beacon_ned_m(sent_s)[:2] + self._gps.at(sent_s)
+    def _beacon_report(self, sent_s: float, beacon: int) -> BeaconReport:
+        """What a beacon says of itself: the position its own GPS receiver has, and when it began to send."""
+        place_m = self.beacon_ned_m(sent_s, beacon) + np.append(self._gps.at(sent_s), 0.0)
         north_m, east_m = metres_per_degree(self._scene.origin_latitude_deg)
         return BeaconReport(
             self._scene.origin_latitude_deg + float(place_m[0]) / north_m,
             self._scene.origin_longitude_deg + float(place_m[1]) / east_m,
             1.5 * self._errors.beacon_gps_m,
             int(round((self._utc_start_unix_s + sent_s) * 1e6) % HOUR_US),
-            self.plan.beacon_depth_m,
+            float(place_m[2]),
         )
 
     def _message(self, setup: AcousticSetup, source_m: FloatArray) -> DemodulatedFrame | None:
@@ -220,13 +230,28 @@ class VirtualAcousticBoard:
             noise_counts=setup.noise_counts / math.sqrt(_MESSAGE_DECIMATION),
             window=Window("onset", _MESSAGE_SAMPLES, 64),
         )
-        record = simulate_record(slower, source_m, int(self._rng.integers(1 << 62)))
-        return demodulate(record.samples, SAMPLE_RATE_HZ / _MESSAGE_DECIMATION)
+        return demodulate(self._taken(slower, source_m).samples, SAMPLE_RATE_HZ / _MESSAGE_DECIMATION)
 
-    def _hear(self, sent_s: float, report: bytes | None) -> tuple[AcousticSetup, TruePulse, FloatArray]:
+    def _taken(self, setup: AcousticSetup, source_m: FloatArray) -> SimulatedRecord:
+        """The record that the board takes, with what is wrong with its receivers."""
+        record = simulate_record(setup, source_m, int(self._rng.integers(1 << 62)))
+        samples = record.samples
+        half = 1 << (setup.bits_per_sample - 1)
+        for kind, who in self._faults:
+            if kind == "swapped":
+                samples[list(who)] = samples[list(reversed(who))]
+            elif kind == "clipped":
+                samples[who[0]] = np.clip(_OVERDRIVE * samples[who[0]], -half, half - 1)
+            elif kind == "silent":
+                samples[who[0]] = np.rint(self.plan.noise_counts * self._rng.standard_normal(samples.shape[1]))
+            else:
+                samples[who[0]] = _STUCK_COUNTS
+        return record
+
+    def _hear(self, sent_s: float, beacon: int, report: bytes | None) -> tuple[AcousticSetup, TruePulse, FloatArray]:
         """Bring one pulse to the array: how it is received, what is true, the apparent source in the array's frame."""
         rng, errors = self._rng, self._errors
-        beacon_ned_m = self.beacon_ned_m(sent_s)
+        beacon_ned_m = self.beacon_ned_m(sent_s, beacon)
         arrived_s = sent_s
         for _ in range(3):  # the vehicle moves millimetres while the sound travels: this converges at once
             motion = self._scene.motion(np.array([arrived_s + self._mission_start_s]))
@@ -269,6 +294,7 @@ class VirtualAcousticBoard:
             trigger=TriggerSettings(),
         )  # fmt: skip
         truth = TruePulse(
+            beacon=beacon,
             sent_s=sent_s,
             arrived_s=arrived_s,
             range_m=float(np.linalg.norm(way_m)),
@@ -287,7 +313,9 @@ class VirtualAcousticBoard:
             return "the board was still busy"
         if not record.triggered:
             return "too weak to trip the trigger"
-        if (record.samples.std(axis=1, ddof=1) <= self.plan.accept_std_counts).any():
+        # Our board is content with three receivers; the thesis's wants all four.
+        enough = (record.samples.std(axis=1, ddof=1) > self.plan.accept_std_counts).sum()
+        if enough < (len(record.samples) if self.plan.chain == "thesis" else _LEAST_RECEIVERS):
             return "a receiver hears too little"
         return ""
 

@@ -62,6 +62,7 @@ ERROR_SETS = {
         thruster_noise=0.06,
     ),
 }
+FAULT_KINDS = {"dead": 1, "silent": 1, "clipped": 1, "swapped": 2}  # and how many receivers it takes
 CHAINS = ("band_limited", "thesis")
 ARRAYS = ("cross", "cross_with_centre")
 
@@ -72,7 +73,9 @@ class AcousticPlan:
 
     The array looks up by default: its four receivers lie in a horizontal plane. `chain`: how the board computes the
     delays it sends. Every `record_every`-th pulse is sent as a record, too (0: none), every `message_every`-th one
-    brings a message. `link`: whether the frames come by UDP or over the ESP32's line.
+    brings a message. `link`: whether the frames come by UDP or over the ESP32's line. `faults`: what is wrong with the
+    receivers from the start, such as "dead 2", "silent 1", "clipped 0" or "swapped 1 2". `second_beacon_ned_m`: another
+    transmitter of the same kind, with a clock of its own.
     """
 
     beacon_north_m: float = 25.0
@@ -92,6 +95,12 @@ class AcousticPlan:
     accept_std_counts: float = 20.0
     link: str = "udp"
     errors: str = "nominal"
+    faults: tuple[str, ...] = ()
+    second_beacon_ned_m: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for fault in self.faults:
+            parse_receiver_fault(fault, 5 if self.array == "cross_with_centre" else 4)
 
     @property
     def error_figures(self) -> AcousticErrors:
@@ -115,6 +124,22 @@ _RANGES: dict[str, tuple[float, float]] = {
 }
 
 
+def parse_receiver_fault(text: str, receivers: int) -> tuple[str, tuple[int, ...]]:
+    """What is wrong and with whom. Raises ConfigError."""
+    kind, *who = text.split() or [""]
+    numbers = tuple(int(part) for part in who if part.isdecimal())
+    wanted = FAULT_KINDS.get(kind)
+    if (
+        wanted is None
+        or len(numbers) != len(who)
+        or len(set(numbers)) != wanted
+        or max(numbers, default=receivers) >= receivers
+    ):
+        known = ", ".join(f"{name}{' N' * count}" for name, count in FAULT_KINDS.items())
+        raise ConfigError(f"acoustics: fault '{text}' is none of {known} with receivers 0 to {receivers - 1}")
+    return kind, numbers
+
+
 def acoustic_plan_from_mapping(values: Mapping[str, object]) -> AcousticPlan:
     """A plan from a file's table. Raises ConfigError with the key and what is allowed."""
     known = {item.name: getattr(AcousticPlan(), item.name) for item in fields(AcousticPlan)}
@@ -131,7 +156,11 @@ def _checked(key: str, value: object, default: object) -> object:
         if value not in _CHOICES[key]:
             raise ConfigError(f"acoustics: {key} must be one of {', '.join(_CHOICES[key])}, not {value!r}")
         return value
-    if isinstance(default, tuple):
+    if key == "faults":
+        if not isinstance(value, list | tuple) or not all(isinstance(part, str) for part in value):
+            raise ConfigError(f"acoustics: faults must be a list of texts, not {value!r}")
+        return tuple(value)
+    if isinstance(default, tuple) or key == "second_beacon_ned_m":
         if not isinstance(value, list | tuple) or len(value) != 3 or not all(_is_number(part) for part in value):
             raise ConfigError(f"acoustics: {key} must be three numbers, not {value!r}")
         return tuple(float(part) for part in value)
