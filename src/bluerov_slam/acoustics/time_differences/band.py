@@ -101,7 +101,8 @@ def common_windows(spectra: BandSpectra, samples: Array, arrivals_s: Array) -> W
     The pulse being cut off costs no accuracy so: what lies outside one window lies outside all.
     """
     whole = np.rint(arrivals_s * spectra.sample_rate_hz).astype(np.intp)
-    starts = whole - whole.min()
+    # Wild delays, as a baseline's slips are, must leave a window.
+    starts = np.minimum(whole - whole.min(), samples.shape[1] // 2)
     count = samples.shape[1] - int(starts.max())
     flanks = taper(count)
     windows = np.stack([row[start : start + count] for row, start in zip(samples, starts, strict=True)]) * flanks
@@ -122,7 +123,7 @@ def _snr_db(spectra: BandSpectra, whole_spectra: ComplexArray, energy: Array) ->
     return snr_db
 
 
-def taper(count: int, share: float = 0.05) -> Array:
+def taper(count: int, share: float = 0.03) -> Array:
     """Window (count,) with cosine flanks over `share` of its length in all: keeps offsets out of the band."""
     flank = max(1, round(0.5 * share * count))
     weights = np.ones(count)

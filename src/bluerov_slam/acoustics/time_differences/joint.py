@@ -35,7 +35,7 @@ LAG_MARGIN = 1.02
 CANDIDATES = 24
 """In-phase lags kept per receiver: the 20 cells about the right one, and those of the bits before and after."""
 
-BEAM = 160
+BEAM = 48
 """Combinations kept from receiver to receiver."""
 
 CELLS = 12
@@ -221,7 +221,8 @@ def search(
         tried = np.concatenate((np.repeat(kept, len(lags), axis=0), np.tile(lags, len(kept))[:, None]), axis=1)
         gained = sum(coherence.at(other, newest, tried[:, other] - tried[:, newest]) for other in range(newest))
         total = np.repeat(score, len(lags)) + gained
-        best = np.argsort(-total, kind="stable")[: BEAM * (1 + newest)]
+        width = BEAM * (1 + newest)
+        best = np.argpartition(-total, width)[:width] if len(total) > width else np.arange(len(total))
         kept, score = tried[best], total[best]
     residual, exists = geometry.misfit(kept if skew_s is None else kept + skew_s)
     squared = np.sum(residual**2, axis=1)
