@@ -33,6 +33,7 @@ _HALF_BAND_HZ = 6_000.0
 _OVERSAMPLING = 8
 _PERIODS_PER_BIT = STEPS_PER_BIT // 2
 _MIN_SAMPLE_RATE_HZ = 2.0 * (CARRIER_RANGE_HZ[1] + _HALF_BAND_HZ)
+_WIDEST_ARRAY_S = 1.6e-3  # the thesis's diagonal in air is 1.46 ms
 _PHASE_WINDOW_BITS = 41
 _ECHO_BITS = 8  # 4 ms: 6 m of way more than the direct path's
 _EQUALISER_TRIES = 3
@@ -42,7 +43,8 @@ _EQUALISER_TRIES = 3
 class DemodulatedFrame:
     """What was heard in a record.
 
-    `payload` is None where the CRC did not agree. `start_s` is the arrival of the frame's first step after sample 0,
+    `payload` is None where the CRC did not agree. `start_s` is the arrival of the frame's first step after sample 0 at
+    the receiver that heard it first,
     `carrier_hz` by the receiver's clock, `snr_db` the energy of a "1" over the noise density, all receivers together,
     `sync` between 0 and 1: the share of the known bits' contrast that was found.
     """
@@ -140,33 +142,42 @@ class _Band:
         return baseband, step_s, ringing
 
 
-def _coarse(band: _Band) -> tuple[float, float, float] | None:
-    """Onset (s), carrier and quality of the best match of the known bits' energies."""
-    best: tuple[float, float, float] | None = None
+def _coarse(band: _Band) -> tuple[FloatArray, float, float] | None:
+    """Onset at each receiver (s), carrier and quality of the best match of the known bits' energies.
+
+    In air the receivers of one array hear the same bit up to three bits apart: each has an onset of its own, within
+    `_WIDEST_ARRAY_S` of the others.
+    """
+    best: tuple[FloatArray, float, float] | None = None
+    highest = 0.0
     ones = KNOWN_BITS > 0
     weights = np.where(ones, 1.0 / ones.sum(), -1.0 / (~ones).sum())
-    relative = np.arange(CARRIER_RANGE_HZ[0], CARRIER_RANGE_HZ[1], _CARRIER_GRID * CARRIER_RANGE_HZ[0])
-    for carrier_hz in relative:
+    for carrier_hz in np.arange(CARRIER_RANGE_HZ[0], CARRIER_RANGE_HZ[1], _CARRIER_GRID * CARRIER_RANGE_HZ[0]):
         baseband, step_s, _ = band.matched(float(carrier_hz))
-        energy = np.square(np.abs(baseband)).sum(axis=0)
+        energy = np.square(np.abs(baseband))
         bit_s = _PERIODS_PER_BIT / carrier_hz
         starts = int((band.duration_s - MESSAGE_FRAME_BITS * bit_s) / step_s)
         if starts < 1:
             continue
-        contrast, level = np.zeros(starts), np.zeros(starts)
+        contrast, level = np.zeros((2, len(energy), starts))
         for place, weight in zip(KNOWN_PLACES, weights, strict=True):
             shift = round(place * bit_s / step_s)
-            contrast += weight * energy[shift : shift + starts]
-            level += abs(weight) * energy[shift : shift + starts]
-        at = int(contrast.argmax())
-        if level[at] > 0.0 and (best is None or contrast[at] > best[2]):
-            best = (at * step_s, float(carrier_hz), float(contrast[at]))
-            quality = float(contrast[at] / level[at])
-    return None if best is None else (best[0], best[1], quality)
+            contrast += weight * energy[:, shift : shift + starts]
+            level += abs(weight) * energy[:, shift : shift + starts]
+        spread = min(max(round(_WIDEST_ARRAY_S / step_s), 1), starts)
+        windows = np.lib.stride_tricks.sliding_window_view(contrast, spread, axis=1)
+        together = windows.max(axis=2).sum(axis=0)
+        at = int(together.argmax())
+        if together[at] > highest:
+            highest = float(together[at])
+            each = at + windows[:, at].argmax(axis=1)
+            heard = level[np.arange(len(level)), each].sum()
+            best = (each * step_s, float(carrier_hz), highest / max(float(heard), 1e-30))
+    return best
 
 
-def _refined(band: _Band, start_s: float, carrier_hz: float) -> tuple[ComplexArray, float, float, complex]:
-    """Values per receiver and bit (phase turned to 0), and the onset, carrier and ringing they were taken with."""
+def _refined(band: _Band, start_s: FloatArray, carrier_hz: float) -> tuple[ComplexArray, FloatArray, float, complex]:
+    """Values per receiver and bit (phase turned to 0), and the onsets, carrier and ringing they were taken with."""
     places = np.arange(MESSAGE_FRAME_BITS)
     for stage in range(3):
         baseband, step_s, ringing = band.matched(carrier_hz)
@@ -182,13 +193,14 @@ def _refined(band: _Band, start_s: float, carrier_hz: float) -> tuple[ComplexArr
     return _at_bits(baseband, step_s, start_s, carrier_hz), start_s, carrier_hz, ringing
 
 
-def _at_bits(baseband: ComplexArray, step_s: float, start_s: float, carrier_hz: float) -> ComplexArray:
+def _at_bits(baseband: ComplexArray, step_s: float, start_s: FloatArray, carrier_hz: float) -> ComplexArray:
     """Baseband at each bit's onset by linear interpolation (the grid is 8 times finer than the band needs)."""
-    times = (start_s + np.arange(MESSAGE_FRAME_BITS) * (_PERIODS_PER_BIT / carrier_hz)) / step_s
-    times = np.clip(times, 0.0, baseband.shape[1] - 2.0)
+    bits_s = np.arange(MESSAGE_FRAME_BITS) * (_PERIODS_PER_BIT / carrier_hz)
+    times = np.clip((start_s[:, None] + bits_s) / step_s, 0.0, baseband.shape[1] - 2.0)
     before = times.astype(np.intp)
     part = times - before
-    result: ComplexArray = baseband[:, before] * (1.0 - part) + baseband[:, before + 1] * part
+    rows = np.arange(len(baseband))[:, None]
+    result: ComplexArray = baseband[rows, before] * (1.0 - part) + baseband[rows, before + 1] * part
     return result
 
 
@@ -204,13 +216,15 @@ def _phase_per_bit(values: ComplexArray, places: NDArray[np.intp], widest_rad: f
     return best
 
 
-def _onset(band: _Band, start_s: float, carrier_hz: float) -> float:
-    """The onset within a quarter of a bit at which the known ones are strongest."""
+def _onset(band: _Band, start_s: FloatArray, carrier_hz: float) -> FloatArray:
+    """The onset at each receiver, within a quarter of a bit, at which its values are strongest."""
     baseband, step_s, _ = band.matched(carrier_hz)
     quarter_s = 0.25 * _PERIODS_PER_BIT / carrier_hz
     shifts_s = np.arange(-quarter_s, quarter_s, 2.0 * step_s)
-    strength = [np.abs(_at_bits(baseband, step_s, start_s + shift, carrier_hz)).sum() for shift in shifts_s]
-    return max(0.0, start_s + float(shifts_s[int(np.argmax(strength))]))
+    strength = np.array(
+        [np.square(np.abs(_at_bits(baseband, step_s, start_s + shift, carrier_hz))).sum(axis=1) for shift in shifts_s]
+    )
+    return np.maximum(0.0, start_s + shifts_s[strength.argmax(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +336,7 @@ def _equalised(values: ComplexArray, bits: FloatArray) -> FloatArray:
 def _result(
     ratio: FloatArray,
     values: ComplexArray,
-    start_s: float,
+    start_s: FloatArray,
     carrier_hz: float,
     snr: float,
     sync: float,
@@ -333,7 +347,9 @@ def _result(
     hard = (ratio > 0.0).astype(np.int8)
     counter = int("".join(str(bit) for bit in hard[COUNTER_PLACES]), 2)
     snr_db = 10.0 * float(np.log10(max(snr, 1e-30)))
-    return DemodulatedFrame(payload, counter, corrected, start_s, carrier_hz, snr_db, sync, equalised, hard)
+    return DemodulatedFrame(
+        payload, counter, corrected, float(start_s.min()), carrier_hz, snr_db, sync, equalised, hard
+    )
 
 
 def _smooth_length(count: int) -> int:
