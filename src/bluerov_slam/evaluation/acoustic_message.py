@@ -1,4 +1,4 @@
-"""How many message frames come through, against the signal to noise ratio; simulated.
+"""I9: how many message frames come through, against the signal to noise ratio. Simulated.
 
 Frames go through the simulator's transmitter, way, mismatched receivers and noise at an eighth of the board's sample
 rate; the signal to noise ratio is stated as the board's full rate has it in the positioning window (power per sample),
@@ -9,9 +9,11 @@ that energy and the packet errors of an ideal receiver that knows amplitude, pha
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bluerov_slam.acoustics.array import ReceiverArray
 from bluerov_slam.acoustics.message.coding import coded_bits, decode, encode
@@ -20,13 +22,22 @@ from bluerov_slam.acoustics.message.frame import MESSAGE_FRAME_BITS, message_fra
 from bluerov_slam.acoustics.message.report import PAYLOAD_BYTES, BeaconReport
 from bluerov_slam.acoustics.message.theory import bit_error_rate, energy_to_noise
 from bluerov_slam.acoustics.pulse_train import STEPS_PER_BIT
-from bluerov_slam.simulation.acoustic_paths import Reflector
+from bluerov_slam.evaluation.acoustic_cases import AcousticCase, AcousticJob, share_row
+from bluerov_slam.evaluation.navigation_table import Row
+from bluerov_slam.evaluation.statistics import Interval
+from bluerov_slam.simulation.acoustic_paths import Reflector, floor_below
 from bluerov_slam.simulation.acoustic_record import SAMPLE_RATE_HZ, AcousticSetup, Tolerances, Window, simulate_records
 
 _DECIMATION = 8
 _BIT_S = STEPS_PER_BIT / 2.0 / 39_825.0
 _BATCH = 25
 _SOURCE_M = (2.0, 0.3, 0.1)
+
+SNRS_DB = ("0", "-5", "-10", "-14", "-16", "-18", "-20", "-22")
+ECHO_CELL = "0 echo"
+_ECHO = (floor_below(0.66, 0.5),)
+_POSITIONING_SNRS_DB = ("0", "-5", ECHO_CELL)
+"""Where positioning still slips in at most 1 % of the pulses (I1): there the message must come through, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +51,6 @@ class MessageCell:
     bits_wrong: int
     bit_error_rate_in_theory: float
     lost_by_ideal_receiver: int
-
-    @property
-    def packet_error_rate(self) -> float:
-        """Share of the frames whose payload did not come through."""
-        return self.lost / self.frames
-
-    @property
-    def bit_error_rate(self) -> float:
-        """Share of all bits wrong before error correction."""
-        return self.bits_wrong / (self.frames * MESSAGE_FRAME_BITS)
 
 
 def message_cell(snr_db: float, frames: int, seed: int, reflectors: tuple[Reflector, ...] = ()) -> MessageCell:
@@ -111,3 +112,44 @@ def _ideal_losses(energy: float, frames: int, rng: np.random.Generator) -> int:
         received = signs * math.sqrt(energy / 2.0) + rng.standard_normal(coded_bits(PAYLOAD_BYTES))
         lost += decode(received)[0] != payload
     return lost
+
+
+def run(job: AcousticJob, material: Mapping[str, bytes]) -> MessageCell:
+    """One block of frames of one cell."""
+    return message_cell(float(job.cell.split()[0]), job.draws, job.seed, _ECHO if job.cell == ECHO_CELL else ())
+
+
+def rows(cells: Mapping[str, Sequence[MessageCell]]) -> list[Row]:
+    """Per cell: lost frames, and beside them those of the ideal receiver and both bit error rates."""
+    made: list[Row] = []
+    for cell, found in cells.items():
+        if not found:
+            continue
+        frames = sum(each.frames for each in found)
+        name = f"{cell} dB" if cell != ECHO_CELL else "0 dB, floor echo 0.5"
+        place = f"I9.{cell.replace(' ', '.')}"
+        must = 1.0 if cell in _POSITIONING_SNRS_DB else None
+        made.append(share_row(f"{place}.lost", f"{name}: frames lost", _flags(found, "lost", frames), must))
+        if cell == ECHO_CELL:
+            continue
+        ideal = _flags(found, "lost_by_ideal_receiver", frames)
+        made.append(share_row(f"{place}.ideal", f"{name}: frames lost by an ideal receiver", ideal))
+        wrong = 100.0 * sum(each.bits_wrong for each in found) / (frames * MESSAGE_FRAME_BITS)
+        theory = 100.0 * found[0].bit_error_rate_in_theory
+        made.append(Row(f"{place}.bits", f"{name}: bits wrong before correction", _plain(wrong), "%"))
+        made.append(
+            Row(f"{place}.theory", f"{name}: bits wrong in theory (coherent on-off keying)", _plain(theory), "%")
+        )
+    return made
+
+
+def _flags(found: Sequence[MessageCell], name: str, frames: int) -> NDArray[np.bool_]:
+    total: int = sum(getattr(each, name) for each in found)
+    return np.arange(frames) < total
+
+
+def _plain(value: float) -> Interval:
+    return Interval(value, math.nan, math.nan)
+
+
+CASES = (AcousticCase("I9", "Message frames (simulated)", (*SNRS_DB, ECHO_CELL), run, rows),)

@@ -224,7 +224,8 @@ def _onset(band: _Band, start_s: FloatArray, carrier_hz: float) -> FloatArray:
     strength = np.array(
         [np.square(np.abs(_at_bits(baseband, step_s, start_s + shift, carrier_hz))).sum(axis=1) for shift in shifts_s]
     )
-    return np.maximum(0.0, start_s + shifts_s[strength.argmax(axis=0)])
+    onsets: FloatArray = np.maximum(0.0, start_s + shifts_s[strength.argmax(axis=0)])
+    return onsets
 
 
 @dataclass(frozen=True, slots=True)
