@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import sys
 import tempfile
@@ -31,6 +32,11 @@ from bluerov_slam.services.supervisor import ChildSpec, Supervisor, stop_signals
     default=None,
     help="Simulate the vehicle's MAVLink, too, on loopback [default: yes, unless mavlink.enabled or --xtf].",
 )
+@click.option(
+    "--acoustics/--no-acoustics",
+    default=None,
+    help="Simulate a beacon and an acoustic array, too [default: if the scenario has them, as 'beacon' does].",
+)
 @click.option("--fault", "faults", multiple=True, help="Simulate a fault, for example 'at=10 kind=reset'; repeatable.")
 def command(
     config: Path | None,
@@ -41,11 +47,12 @@ def command(
     xtf: Path | None,
     firmware: str | None,
     autopilot: bool | None,
+    acoustics: bool | None,
     faults: tuple[str, ...],
 ) -> None:
     """Run extension and viewer, and with --simulate the virtual ESP32; Ctrl-C stops them all."""
-    if not simulate and (scenario or xtf or firmware or autopilot or faults):
-        raise click.UsageError("--scenario, --xtf, --firmware, --autopilot and --fault need --simulate")
+    if not simulate and (scenario or xtf or firmware or autopilot or acoustics or faults):
+        raise click.UsageError("--scenario, --xtf, --firmware, --autopilot, --acoustics and --fault need --simulate")
     start_logging(log_level)
     settings = SettingsStore.open(config, parse_flags(flags)).settings
     common = [*(["--config", str(config)] if config else []), *_repeated("--set", flags), "--log-level", log_level]
@@ -53,7 +60,8 @@ def command(
         port = Path(folder) / "esp32"
         children = [_child("viewer", *common)]
         if simulate:
-            extra = ["--scenario", scenario or settings.simulation.scenario, *_repeated("--fault", faults)]
+            chosen = scenario or settings.simulation.scenario
+            extra = ["--scenario", chosen, *_repeated("--fault", faults)]
             extra += ["--xtf", str(xtf)] if xtf else []
             extra += ["--firmware", firmware or "auto"]
             listen = ["--simulated"]
@@ -62,6 +70,10 @@ def command(
                 address = f"127.0.0.1:{_free_udp_port()}"
                 extra += ["--autopilot", address]
                 listen += ["--simulated-autopilot", address]
+            if xtf is None and acoustics is not False:
+                board, fitted = _acoustics(chosen, wanted=bool(acoustics))
+                extra += board
+                listen += fitted
             children.insert(0, _simulator(settings, port, extra))
             children.append(_child("extension", *common, *listen, "--set", f"serial.port={port}"))
         else:
@@ -83,6 +95,32 @@ def _child(name: str, *arguments: str) -> ChildSpec:
 def _simulator(settings: Settings, port: Path, extra: list[str]) -> ChildSpec:
     baud, seed = str(settings.serial.baud), str(settings.simulation.seed)
     return _child("simulate", "--link", str(port), "--baud", baud, "--seed", seed, *extra)
+
+
+def _acoustics(scenario_name: str, *, wanted: bool) -> tuple[list[str], list[str]]:
+    """What tells the simulator to play the acoustic board, and the extension that such an array is fitted."""
+    from bluerov_slam.cli.simulate import load_scenario
+    from bluerov_slam.simulation.acoustic_board import fitted_array
+    from bluerov_slam.simulation.acoustic_plan import AcousticPlan
+
+    plan = load_scenario(scenario_name, seed=None, legacy=False, faults=()).acoustics
+    if plan is None:
+        if not wanted:
+            return [], []
+        plan = AcousticPlan()
+    port = _free_udp_port()
+    array = fitted_array(plan)
+    settings = {
+        "enabled": "true",
+        "udp_port": str(port),
+        "array": plan.array,
+        "arm_m": str(plan.arm_m),
+        "sample_skew_us": json.dumps([round(1e6 * skew_s, 6) for skew_s in array.sample_skew_s.tolist()]),
+        "mounting_rpy_deg": json.dumps(plan.mounting_rpy_deg),
+        "lever_arm_frd_m": json.dumps(plan.lever_arm_frd_m),
+    }
+    flags = _repeated("--set", tuple(f"acoustics.{key}={value}" for key, value in settings.items()))
+    return ["--acoustics", f"127.0.0.1:{port}"] if plan.link == "udp" else [], flags
 
 
 def _free_udp_port() -> int:

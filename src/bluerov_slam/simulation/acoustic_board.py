@@ -124,7 +124,7 @@ class VirtualAcousticBoard:
         self._period_s = plan.pulse_period_s * (1.0 + errors.beacon_clock * (1.0 + 0.5 * _drawn(rng)))
         self._carrier_hz = float(rng.uniform(*REAL_CARRIER_HZ))
         self._watch_rad = float(rng.uniform(0.0, 2.0 * math.pi))
-        self.nominal_array = _array(plan)
+        self.nominal_array = fitted_array(plan)
         places = self.nominal_array.positions_m
         self.true_array = ReceiverArray(
             places + errors.receiver_place_m * np.clip(rng.standard_normal(places.shape), -2.5, 2.5),
@@ -405,7 +405,8 @@ def rotation_frd_array(plan: AcousticPlan) -> FloatArray:
     )
 
 
-def _array(plan: AcousticPlan) -> ReceiverArray:
+def fitted_array(plan: AcousticPlan) -> ReceiverArray:
+    """The array that the plan states, sampled as the thesis's board does."""
     centre = plan.array == "cross_with_centre"
     skew_s = [THESIS_RANK_SKEW_S * (receiver % 2) for receiver in range(5 if centre else 4)]
     return ReceiverArray.cross(plan.arm_m, centre, skew_s)
