@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 
 from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
-from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING, AcousticDelays, AidOptions, Verdict
+from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING, AcousticDelays, AidOptions, Pose, Verdict
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.rotation import exp_so3, rotation_from_euler
 from bluerov_slam.navigation.state import NavEstimate, StateLayout
@@ -211,3 +211,23 @@ def test_a_transmitter_inside_the_array_is_no_measurement() -> None:
     filter_ = known()
     inside = filter_.estimate.rotation_ned_frd @ (MOUNTED.lever_arm_frd_m + np.array((0.1, 0.1, 0.0)))
     assert pulse(tuple(inside)).evaluate(filter_.estimate, filter_.layout) is None
+
+
+def test_about_a_better_pose_the_prediction_is_that_pose_s_and_linear() -> None:
+    estimate = random_estimate(LAYOUT, 8)
+    better = estimate.copy()
+    error = np.zeros(LAYOUT.size)
+    error[:3], error[6:9] = (0.8, -1.2, 0.3), (0.02, -0.01, 0.05)
+    better.add_error(-error)
+    about = Pose(better.position_ned_m.copy(), better.rotation_ned_frd.copy())
+    there = pulse().evaluate(better, LAYOUT)
+    linear = pulse(about=about).evaluate(estimate, LAYOUT)
+    straight = pulse().evaluate(estimate, LAYOUT)
+    assert there is not None
+    assert linear is not None
+    assert straight is not None
+    assert linear.jacobian == pytest.approx(there.jacobian)
+    assert linear.residual == pytest.approx(there.residual - there.jacobian @ error, abs=1e-15)
+    # To first order it is what the estimate itself predicts.
+    assert linear.residual == pytest.approx(straight.residual, abs=2e-6)
+    assert not np.allclose(linear.residual, straight.residual, atol=1e-9)

@@ -51,6 +51,13 @@ class AidOptions:
     """A carrier cell has to be this probable among the possible ones."""
 
 
+class Pose(NamedTuple):
+    """Where a vehicle was, and how it lay."""
+
+    position_ned_m: Array
+    rotation_ned_frd: Array
+
+
 @dataclass(slots=True)
 class Verdict:
     """What became of one pulse in the filter; written each time the measurement is evaluated."""
@@ -67,8 +74,10 @@ class AcousticDelays:
     """One pulse: `toa_reference - toa_i` of the receivers after the first, which is the reference.
 
     `covariance_of` gives the filter's covariance at the moment of evaluation (the filter's own attribute); without it
-    no hypotheses are weighed. `beacon_covariance_m2` (3, 3) counts where the layout has no block for the transmitter's
-    place. `bend_rad`: by how much refraction turns the arriving ray downward from the straight line.
+    no hypotheses are weighed. `about` is a better pose of that instant, from a smoother that has run before:
+    predictions and derivatives are taken there, and what the estimate differs by counts to first order.
+    `beacon_covariance_m2` (3, 3) counts where the layout has no block for the transmitter's place. `bend_rad`: by how
+    much refraction turns the arriving ray downward from the straight line.
     """
 
     at_s: float
@@ -82,6 +91,7 @@ class AcousticDelays:
     alternatives: Sequence[tuple[Array, float]] = ()
     options: AidOptions = AidOptions()
     covariance_of: Callable[[], Array] | None = None
+    about: Pose | None = None
     bend_rad: float = 0.0
     verdict: Verdict = field(default_factory=Verdict)
     sensor: str = "acoustics"
@@ -104,6 +114,19 @@ class AcousticDelays:
 
     def _seen(self, estimate: NavEstimate, layout: StateLayout) -> _Seen | None:
         """Predicted delays and their derivatives by the states and by the direction."""
+        if self.about is None:
+            return self._seen_from(estimate, layout)
+        better = estimate.copy()
+        better.values[POSITION] = self.about.position_ned_m
+        better.rotation_ned_frd = np.array(self.about.rotation_ned_frd, dtype=np.float64)
+        seen = self._seen_from(better, layout)
+        if seen is None:
+            return None
+        error = estimate.difference(better)
+        error[ATTITUDE.stop :] = 0.0
+        return seen._replace(predicted_s=seen.predicted_s + seen.jacobian @ error)
+
+    def _seen_from(self, estimate: NavEstimate, layout: StateLayout) -> _Seen | None:
         toward_ned = np.asarray(self.beacon_ned_m, dtype=np.float64) - estimate.position_ned_m
         if BEACON in layout:
             toward_ned = toward_ned + estimate.block(BEACON)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
@@ -31,3 +32,9 @@ class AcousticOptions:
     slip_prior: float = 0.01
     nearest_m: float = 3.0
     use_for_navigation: bool = True
+    # What the filter holds of a pulse and of the array; sources as in `navigator_options`.
+    direction_std_rad: float = math.radians(3.0)  # [survey] 3.2 deg with five hydrophones in water; learned from there
+    outlier_share: float = 0.05  # [choice] pulses that come by an echo alone
+    mounting_std_rad: float = math.radians(2.0)  # [choice] screwed to a frame by hand, and the frame to the vehicle
+    mounting_walk_rad: float = 2e-4  # [choice] per root second: what bends the sound for minutes
+    sound_speed_std: float = 2e-3  # [choice] 3 m/s, with a CTD on board

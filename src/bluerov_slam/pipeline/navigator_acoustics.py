@@ -5,11 +5,12 @@ The first position comes from a whole fix, where nothing else has told one; from
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bluerov_slam.acoustics.navigation_aid import AcousticDelays
+from bluerov_slam.acoustics.navigation_aid import BEACON, AcousticDelays, AidOptions, Verdict
 from bluerov_slam.pipeline.navigator_words import Wait
 from bluerov_slam.records import PositionFix
 
@@ -21,8 +22,12 @@ if TYPE_CHECKING:
     from bluerov_slam.records import AcousticFix
 
 SENSOR: Final = "acoustics"
+# A transmitter that states a place this far from its last one has moved: what was learned of the old one is void.
+MOVED_M: Final = 1.0
 # A transmitter on a line hangs and swings by so much.
 BEACON_DEPTH_STD_M: Final = 0.3
+# A timing better than this is no measured one: the rest of the receivers' errors is larger.
+LEAST_TIMING_S: Final = 2e-8
 
 
 class AcousticIntake:
@@ -32,11 +37,14 @@ class AcousticIntake:
         self._core = core
         self._positions = positions
         self._options = options
+        self._stated: tuple[float, float, float] | None = None
+        self._pending: Verdict | None = None
 
     def take(self, record: AcousticFix) -> None:
         """One pulse, good or not."""
         core, status = self._core, self._core.book[SENSOR]
         status.hear(record.arrived_s)
+        self._look_back(record.arrived_s)
         beacon = record.beacon_deg_m
         if core.timeline is None:
             status.wait_for(Wait.NO_ATTITUDE, record.arrived_s)
@@ -65,22 +73,48 @@ class AcousticIntake:
         filter_ = core.timeline.filter
         north_m, east_m = core.place.offset_m(beacon[0], beacon[1])
         place_std_m = record.beacon_std_m if record.beacon_std_m is not None else options.beacon_std_m
+        self._follow(beacon, place_std_m)
+        covariance = np.array(record.delay_covariance_s2, dtype=np.float64)
+        covariance += LEAST_TIMING_S**2 * np.eye(len(covariance))
+        self._pending = verdict = Verdict()
         measurement = AcousticDelays(
             at_s=record.measured_s,
             receivers_m=options.array.subset(record.receivers),
             delays_s=np.array(record.delays_s),
-            covariance_s2=np.array(record.delay_covariance_s2),
+            covariance_s2=covariance,
             sound_speed_mps=record.sound_speed_mps,
             beacon_ned_m=np.array((north_m, east_m, beacon[2])),
             mounting=options.mounting,
             beacon_covariance_m2=np.diag((place_std_m**2, place_std_m**2, BEACON_DEPTH_STD_M**2)),
             alternatives=tuple((np.array(delays), share) for delays, share in record.alternatives),
+            options=AidOptions(core.book[SENSOR].noise_scale * options.direction_std_rad, options.outlier_share),
             covariance_of=lambda: filter_.covariance,
+            verdict=verdict,
         )
         core.timeline.offer(measurement, self._done)
+        self._look_back(record.arrived_s)
+
+    def _follow(self, beacon: tuple[float, float, float], std_m: float) -> None:
+        """Where the transmitter is by its own word; a new place has nothing of the error of the old one."""
+        core, before = self._core, self._stated
+        self._stated = beacon
+        if before is None or core.timeline is None:
+            return
+        level_m = math.dist(core.place.offset_m(*beacon[:2]), core.place.offset_m(*before[:2]))
+        if max(level_m, abs(beacon[2] - before[2])) > MOVED_M:
+            core.timeline.buffer.reset_block(BEACON, (0.0, 0.0, 0.0), (std_m, std_m, BEACON_DEPTH_STD_M))
+        else:
+            self._stated = before
+
+    def _look_back(self, now_s: float) -> None:
+        """A pulse that was left out as ambiguous comes to no result: it is found here."""
+        if self._pending is not None and self._pending.hypothesis < 0:
+            self._pending = None
+            self._core.book[SENSOR].wait_for(Wait.AMBIGUOUS_PULSE, now_s)
 
     def _done(self, result: UpdateResult) -> None:
         core = self._core
+        self._pending = None
         core.account(result)
         if result.accepted:
             core.last_fix_s = result.at_s if core.last_fix_s is None else max(core.last_fix_s, result.at_s)

@@ -32,6 +32,7 @@ NOISE_LIMITS = {
     "position": (0.1, 4.0),
     "thrust": (0.6, 3.0),
     "dvl": (0.5, 4.0),
+    "acoustics": (0.1, 3.0),
 }
 LEARNING = 0.015
 # One value tells no more than this, so that an outlier teaches nothing.

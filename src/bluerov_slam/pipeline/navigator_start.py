@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.acoustics.navigation_aid import MOUNTING
+from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING
 from bluerov_slam.navigation.attitude.initial import initial_attitude
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.process import Earth, ProcessNoise
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bluerov_slam.navigation.attitude.calibration import Calibration
     from bluerov_slam.navigation.measurements import SensorAngles
     from bluerov_slam.navigation.process import ImuSample
+    from bluerov_slam.pipeline.acoustic_options import AcousticOptions
     from bluerov_slam.pipeline.navigator_options import NavigatorOptions
 
     Array = NDArray[np.float64]
@@ -43,8 +44,6 @@ UNKNOWN_VELOCITY_STD_MPS = 0.5
 UNKNOWN_DECLINATION_STD_RAD = math.radians(10.0)
 # A calibrated gyro's bias has moved since.
 GYRO_SINCE_CALIBRATION_RADPS = math.radians(0.05)
-# Receivers are screwed to a frame by hand, and the frame to the vehicle.
-MOUNTING_STD_RAD = math.radians(2.0)
 LEVEL_WITHIN = 0.5  # of gravity along the vertical axis: more than 60 deg of tilt is a matter of mounting
 
 
@@ -64,8 +63,8 @@ class NavigatorNoise(ProcessNoise):
 _EXTRA = ((FIX_WANDER, 2), (THRUSTER_FIELD, 2))
 LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=_EXTRA)
 """No ranges are measured yet, so the sound speed's scale is left out."""
-ACOUSTIC_LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=(*_EXTRA, (MOUNTING, 3)))
-"""With an acoustic array, how it is really mounted is a state."""
+ACOUSTIC_LAYOUT = StateLayout.make(extra=(*_EXTRA, (MOUNTING, 3), (BEACON, 3)))
+"""With an acoustic array, how it is really mounted and where the transmitter really is are states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +151,7 @@ def process_noise(options: NavigatorOptions) -> NavigatorNoise:
         dvl_yaw_walk_rad_per_sqrt_s=options.dvl.walk,
         fix_wander_std_m=fix.std_m * math.sqrt(1.0 - fix.white_share**2),
         fix_wander_time_s=fix.wander_time_s,
+        extra_walks=() if options.acoustics is None else ((MOUNTING, options.acoustics.mounting_walk_rad),),
     )
 
 
@@ -208,6 +208,17 @@ def make_filter(
         depth_bias=depth_bias_std_m,
         dvl=(options.dvl.scale_std, options.dvl.yaw_std_rad),
         fix_wander=noise.fix_wander_std_m,
-        **({} if options.acoustics is None else {MOUNTING: MOUNTING_STD_RAD}),
+        **_acoustic_std(options.acoustics),
     )
     return ErrorStateFilter(estimate, std, noise, None if latitude_deg is None else Earth(latitude_deg))
+
+
+def _acoustic_std(options: AcousticOptions | None) -> dict[str, float | tuple[float, ...]]:
+    """What is not known of an array and its transmitter to begin with."""
+    if options is None:
+        return {}
+    return {
+        MOUNTING: options.mounting_std_rad,
+        BEACON: (options.beacon_std_m, options.beacon_std_m, options.beacon_depth_std_m),
+        "sound_speed_scale": options.sound_speed_std,
+    }

@@ -40,6 +40,7 @@ class Wait(StrEnum):
     NO_ATTITUDE = "no_attitude"
     THRUSTERS_OFF = "thrusters_off"
     NO_ORIGIN = "no_origin"
+    AMBIGUOUS_PULSE = "ambiguous_pulse"
     NO_BEACON = "no_beacon"
     NOT_FUSED = "not_fused"
     INSTEAD_OF_ANGLES = "instead_of_angles"
@@ -153,6 +154,7 @@ _WAITS = {
     Wait.THRUSTERS_OFF: "The thrusters have not run yet.",
     Wait.NO_ORIGIN: "Waiting for a first position.",
     Wait.NO_BEACON: "The transmitter's place or depth is not known. Enter it under Settings, acoustics.",
+    Wait.AMBIGUOUS_PULSE: "Its delays may be one carrier period off, and the track is too uncertain to tell.",
     Wait.NOT_FUSED: "Shown, but not used for the position.",
     Wait.INSTEAD_OF_ANGLES: "Inside the IMU's own heading, which is used as it is.",
 }
