@@ -27,6 +27,7 @@ def test_the_extension_is_told_the_array_that_is_simulated(tmp_path, table):
     if table:
         plan = AcousticPlan(array="cross_with_centre", mounting_rpy_deg=(10.0, -20.0, 30.0))
     assert np.allclose(options.array.positions_m, fitted_array(plan).positions_m)
+    assert options.array.name == "acoustics.places_m"
     assert np.allclose(options.array.sample_skew_s, fitted_array(plan).sample_skew_s)
     assert np.allclose(options.mounting.rotation_frd_array, rotation_frd_array(plan))
     assert np.allclose(options.mounting.lever_arm_frd_m, plan.lever_arm_frd_m)

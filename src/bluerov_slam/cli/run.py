@@ -113,8 +113,8 @@ def _acoustics(scenario_name: str, *, wanted: bool) -> tuple[list[str], list[str
     settings = {
         "enabled": "true",
         "udp_port": str(port),
-        "array": plan.array,
-        "arm_m": str(plan.arm_m),
+        "array": "places",
+        "places_m": "; ".join(",".join(f"{part:.6f}" for part in place) for place in array.positions_m.tolist()),
         "sample_skew_us": json.dumps([round(1e6 * skew_s, 6) for skew_s in array.sample_skew_s.tolist()]),
         "mounting_rpy_deg": json.dumps(plan.mounting_rpy_deg),
         "lever_arm_frd_m": json.dumps(plan.lever_arm_frd_m),

@@ -407,9 +407,11 @@ def rotation_frd_array(plan: AcousticPlan) -> FloatArray:
 
 def fitted_array(plan: AcousticPlan) -> ReceiverArray:
     """The array that the plan states, sampled as the thesis's board does."""
-    centre = plan.array == "cross_with_centre"
-    skew_s = [THESIS_RANK_SKEW_S * (receiver % 2) for receiver in range(5 if centre else 4)]
-    return ReceiverArray.cross(plan.arm_m, centre, skew_s)
+    places_m = ReceiverArray.cross(plan.arm_m, centre=plan.array == "cross_with_centre").positions_m
+    if plan.array == "cross_with_stalk":
+        places_m = np.vstack((places_m, (plan.arm_m, 0.0, 0.0)))
+    skew_s = np.array([THESIS_RANK_SKEW_S * (receiver % 2) for receiver in range(len(places_m))])
+    return ReceiverArray(places_m, skew_s, plan.array)
 
 
 def _rotation(vector_rad: FloatArray) -> FloatArray:

@@ -64,18 +64,19 @@ ERROR_SETS = {
 }
 FAULT_KINDS = {"dead": 1, "silent": 1, "clipped": 1, "swapped": 2}  # and how many receivers it takes
 CHAINS = ("band_limited", "thesis")
-ARRAYS = ("cross", "cross_with_centre")
+ARRAYS = {"cross": 4, "cross_with_centre": 5, "cross_with_stalk": 5}
 
 
 @dataclass(frozen=True, slots=True)
 class AcousticPlan:
     """One beacon, one array. Places are NED from the survey's origin, the mounting is FRD from the array's frame.
 
-    The array looks up by default: its four receivers lie in a horizontal plane. `chain`: how the board computes the
-    delays it sends. Every `record_every`-th pulse is sent as a record, too (0: none), every `message_every`-th one
-    brings a message. `link`: whether the frames come by UDP or over the ESP32's line. `faults`: what is wrong with the
-    receivers from the start, such as "dead 2", "silent 1", "clipped 0" or "swapped 1 2". `second_beacon_ned_m`: another
-    transmitter of the same kind, with a clock of its own.
+    The array looks up by default: its four receivers lie in a horizontal plane. A fifth one stands in their middle, or
+    before it on a stalk of the arm's length, which tells above from below and sees flat directions. `chain`: how the
+    board computes the delays it sends. Every `record_every`-th pulse is sent as a record, too (0: none), every
+    `message_every`-th one brings a message. `link`: whether the frames come by UDP or over the ESP32's line. `faults`:
+    what is wrong with the receivers from the start, such as "dead 2", "silent 1", "clipped 0" or "swapped 1 2".
+    `second_beacon_ned_m`: another transmitter of the same kind, with a clock of its own.
     """
 
     beacon_north_m: float = 25.0
@@ -100,7 +101,7 @@ class AcousticPlan:
 
     def __post_init__(self) -> None:
         for fault in self.faults:
-            parse_receiver_fault(fault, 5 if self.array == "cross_with_centre" else 4)
+            parse_receiver_fault(fault, ARRAYS[self.array])
 
     @property
     def error_figures(self) -> AcousticErrors:
@@ -108,7 +109,7 @@ class AcousticPlan:
         return ERROR_SETS[self.errors]
 
 
-_CHOICES = {"array": ARRAYS, "chain": CHAINS, "link": ("udp", "serial"), "errors": tuple(ERROR_SETS)}
+_CHOICES = {"array": tuple(ARRAYS), "chain": CHAINS, "link": ("udp", "serial"), "errors": tuple(ERROR_SETS)}
 _RANGES: dict[str, tuple[float, float]] = {
     "beacon_north_m": (-1.0e4, 1.0e4),
     "beacon_east_m": (-1.0e4, 1.0e4),

@@ -85,6 +85,22 @@ DIVE_PLANS = {
     "n3": DivePlan("n3", afloat_first_s=60.0, afloat_last_s=60.0),
     "n4": DivePlan("n4", afloat_first_s=60.0, afloat_last_s=60.0, dvl=True),
     "n5": DivePlan("n5", kind="swing_lawnmower", afloat_first_s=120.0, legs=3, leg_m=90.0),
+    "beacon": DivePlan(
+        "beacon",
+        afloat_first_s=60.0,
+        depth_m=5.0,
+        acoustics=AcousticPlan(
+            beacon_north_m=90.0,
+            beacon_east_m=40.0,
+            beacon_depth_m=14.5,
+            pulse_period_s=5.0,
+            array="cross_with_stalk",
+            mounting_rpy_deg=(0.0, -90.0, 0.0),
+            lever_arm_frd_m=(0.1, 0.0, 0.2),
+            record_every=0,
+            message_every=0,
+        ),
+    ),
     "compass_swing": DivePlan("compass_swing", kind="swing", uncalibrated=True),
     "tumble": DivePlan("tumble", kind="tumble", uncalibrated=True),
 }

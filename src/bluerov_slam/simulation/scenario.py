@@ -67,7 +67,7 @@ SCENARIOS = {
     "deep": Scenario(name="deep", water_depth_m=84.0, survey_depth_m=78.0),
     "saturated": Scenario(name="saturated", samples=2000, resolution_mm=15),
     "high_resolution": Scenario(name="high_resolution", samples=3000, resolution_mm=10, mission_start_s=60.0),
-    "beacon": Scenario(name="beacon", acoustics=AcousticPlan()),
+    "beacon": Scenario(name="beacon", acoustics=AcousticPlan(array="cross_with_stalk")),
     "legacy": Scenario(name="legacy", legacy=True),
     "dual_channel": Scenario(name="dual_channel", dual_channel_a=True),
     "mod255": Scenario(name="mod255", checksum_a="mod255", checksum_b="mod255"),
