@@ -130,9 +130,18 @@ def test_an_array_brings_its_states_and_they_are_saved_and_taken_up_again() -> N
     again = Navigator(NavigatorOptions(acoustics=FITTED, declination_rad=0.0), saved, saved_age_s=5.0)
     states = [each for tick in range(5) for each in again.feed(attitude(0.2 * tick)) if isinstance(each, NavState)]
     assert states[-1].position_ned_m is not None
-    plain = Navigator(NavigatorOptions(declination_rad=0.0), saved, saved_age_s=5.0)
+
+
+def test_an_array_may_be_switched_on_and_off_in_mid_dive() -> None:
+    made, state = track(until_s=80.0)
+    assert state.position_ned_m is not None
+    plain = Navigator(NavigatorOptions(declination_rad=0.0), made.save(), saved_age_s=0.0)
     states = [each for tick in range(5) for each in plain.feed(attitude(0.2 * tick)) if isinstance(each, NavState)]
-    assert states[-1].position_ned_m is None  # another layout's numbers are no position
+    assert states[-1].position_ned_m == pytest.approx(state.position_ned_m, abs=0.5)
+    aided = Navigator(NavigatorOptions(acoustics=FITTED, declination_rad=0.0), plain.save(), saved_age_s=0.0)
+    states = [each for tick in range(5) for each in aided.feed(attitude(0.2 * tick)) if isinstance(each, NavState)]
+    assert states[-1].position_ned_m == pytest.approx(state.position_ned_m, abs=1.0)
+    assert aided.save().layout == ACOUSTIC_LAYOUT.blocks
 
 
 def test_without_the_transmitters_place_the_pulses_wait() -> None:
@@ -192,5 +201,5 @@ def test_the_first_position_may_come_from_the_transmitter() -> None:
             else:
                 texts.append(output.text)
     assert state is not None
-    assert "Position known, from position fixes" in texts
+    assert "Position known, from the acoustic array" in texts
     assert horizontal_error_m(state) < 5.0

@@ -4,6 +4,7 @@
 import { make, setAttribute, setNumber, setText } from '../shared/dom.js';
 import { shownUnit, shownValue } from '../shared/display.js';
 import { fixed, isKnown, signed } from '../shared/format.js';
+import { AcousticsCard, pulseAge } from './acoustics_card.js';
 import { Attitude } from './attitude.js';
 import { Compass } from './compass.js';
 import { DepthGauge } from './depth_gauge.js';
@@ -56,13 +57,23 @@ export class LivePage {
     this.motion = new TimePlots(this.cards.motion, this.motionHistory, model, MOTION);
     this.map = new MapCard(this.cards.map, model, (track) => this.fillMotion(track));
     this.navigation = new NavigationCard(this.cards.navigation);
+    this.acoustics = new AcousticsCard(this.cards.acoustics);
     this.profilePlot = new ProfilePlot(this.cards.profile, this.profile);
-    const { attitude, heading, depth, map, motion, navigation, plots, profile, ctd, gps, sonars, link } =
-      this.cards;
+    const { attitude, heading, depth, map, motion, navigation, acoustics, plots, profile } = this.cards;
+    const { ctd, gps, sonars, link } = this.cards;
     root.append(
       make('div', { class: 'live-left' }, depth.root, attitude.root, heading.root),
       make('div', { class: 'live-centre' }, map.root, motion.root, plots.root, profile.root),
-      make('div', { class: 'live-right' }, navigation.root, ctd.root, gps.root, sonars.root, link.root),
+      make(
+        'div',
+        { class: 'live-right' },
+        navigation.root,
+        acoustics.root,
+        ctd.root,
+        gps.root,
+        sonars.root,
+        link.root,
+      ),
     );
   }
 
@@ -177,6 +188,26 @@ export class LivePage {
     this.compass?.showEstimate(state.attitude?.heading_deg ?? null, state.std?.heading_deg ?? null);
   }
 
+  /** @param {number} nowMs */
+  onAcoustics(nowMs) {
+    const data = this.model.acoustics;
+    if (!data) return;
+    this.acoustics.show(data);
+    this.map.onAcoustics(data);
+    this.refreshAcoustics(nowMs);
+  }
+
+  /** @param {number} nowMs */
+  refreshAcoustics(nowMs) {
+    const { model, cards: all } = this;
+    const data = model.acoustics;
+    const oldS = ageS(model.acousticsAtMs, nowMs);
+    if (data && oldS !== null && oldS > STALE_S) this.acoustics.show(data, oldS);
+    // Pulses come once a second: two of them may be missed before a value is old.
+    const seconds = data?.enabled === true ? pulseAge(data, oldS) : null;
+    all.acoustics.update(model.status, seconds === null ? null : Math.max(0, seconds - 1.5));
+  }
+
   /**
    * Speed and uncertainty of before this page was opened.
    * @param {import('./track.js').Track} track
@@ -263,6 +294,7 @@ export class LivePage {
     all.plots.update(model.status, sensors);
     this.plots.setStale(sensors !== null && sensors > STALE_S);
     all.profile.update(model.status, sensors);
+    this.refreshAcoustics(nowMs);
     all.sonars.update(model.status, status);
     all.link.update(model.status, status);
   }

@@ -141,6 +141,7 @@ export function cards() {
     map: new Card('map', 'Map', 'navigation'),
     motion: new Card('motion', 'Motion', null),
     navigation: new Card('navigation', 'Navigation', 'navigation'),
+    acoustics: new Card('acoustics', 'Acoustics', null),
     plots: new Card('plots', 'Over time', null),
     profile: new Card('profile', 'Water profile', null),
     ctd: new Card('ctd', 'Water', 'ctd'),

@@ -65,6 +65,7 @@ function onMessage(text) {
   if (changed === 'sensors') live.onSensors(nowMs);
   else if (changed === 'status') onStatus();
   else if (changed === 'navigation') onNavigation(nowMs);
+  else if (changed === 'acoustics') live.onAcoustics(nowMs);
   else if (changed === 'event') health.onEvents();
 }
 

@@ -37,6 +37,7 @@ export class MapCard {
       track: this.track,
       coloring: COLORINGS[0],
       state: null,
+      acoustics: null,
       stale: false,
       hasTiles: false,
       measure: [],
@@ -210,6 +211,13 @@ export class MapCard {
     this.view?.redraw();
   }
 
+  /** @param {Record<string, any>} data  of the array's topic */
+  onAcoustics(data) {
+    const shows = data.beacon || data.fix || this.scene.acoustics?.beacon || this.scene.acoustics?.fix;
+    this.scene.acoustics = data;
+    if (shows) this.view?.redraw();
+  }
+
   /** What was before this page was opened, and where the origin has moved to. */
   async fetchTrack() {
     try {
@@ -273,7 +281,8 @@ export class MapCard {
   showLegend() {
     const { coloring } = this.scene;
     const [from, to] = coloring.ends(this.track);
-    const key = `${coloring.key} ${from} ${to}`;
+    const hears = this.scene.acoustics?.enabled === true;
+    const key = `${coloring.key} ${from} ${to} ${hears}`;
     if (!this.legend || key === this.legendKey) return;
     this.legendKey = key;
     this.legend.replaceChildren(
@@ -292,6 +301,7 @@ export class MapCard {
       make('span', { class: 'map-line broken', text: 'dead reckoning' }),
       make('span', { class: 'map-fix used', text: 'fix used' }),
       make('span', { class: 'map-fix refused', text: 'rejected' }),
+      hears ? make('span', { class: 'map-fix acoustic', text: 'acoustic pulse' }) : '',
     );
   }
 

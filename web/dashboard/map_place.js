@@ -6,6 +6,7 @@
  * @property {import('./track.js').Track} track
  * @property {import('./map_colors.js').Coloring} coloring
  * @property {Record<string, any> | null} state  the newest message's data, null before the first
+ * @property {Record<string, any> | null} acoustics  the newest of the array's topic, null before the first
  * @property {boolean} stale
  * @property {boolean} hasTiles  a picture of the place lies below
  * @property {[number, number][]} measure  east, north

@@ -4,6 +4,7 @@
 
 import { colors, onThemeChange } from '../shared/theme.js';
 import { MapBase } from './map_base.js';
+import { extentOfAcoustics, drawAcoustics } from './map_acoustics.js';
 import { MapPainter } from './map_painter.js';
 import { remPx } from './uplot.js';
 
@@ -15,6 +16,7 @@ import { remPx } from './uplot.js';
 
 const BASE_COLORS = ['--line', '--dim', '--text', '--accent', '--fault', '--sunken'];
 const MOVING_COLORS = ['--text', '--accent', '--vehicle', '--surface', '--stale'];
+const ACOUSTIC_COLORS = ['--plot-sound', '--text', '--surface', '--stale'];
 const LARGEST_M = 200_000;
 const FINEST_M_PER_PX = 0.004;
 const START_M_PER_PX = 0.15;
@@ -69,6 +71,7 @@ export class MapView {
   readColors() {
     this.base.colors = colors(...BASE_COLORS);
     this.painter.colors = colors(...MOVING_COLORS);
+    this.acousticColors = colors(...ACOUSTIC_COLORS);
     this.base.fontPx = this.painter.fontPx = Math.round(0.6875 * remPx());
     this.base.forget();
     this.redraw();
@@ -91,6 +94,7 @@ export class MapView {
     const c = this.prepare(this.canvas, frame);
     if (!c) return this.canvas;
     c.clearRect(0, 0, this.place.width, this.place.height);
+    drawAcoustics(c, this.place, this.scene, this.acousticColors ?? [], this.painter.fontPx);
     this.painter.draw(c, this.place, this.scene);
     return this.canvas;
   }
@@ -148,6 +152,10 @@ export class MapView {
     if (Number.isFinite(position?.north_m) && Number.isFinite(position?.east_m)) {
       north.push(position.north_m - radius, position.north_m + radius);
       east.push(position.east_m - radius, position.east_m + radius);
+    }
+    for (const [n, e] of extentOfAcoustics(this.scene.acoustics)) {
+      north.push(n);
+      east.push(e);
     }
     if (north.length === 0) return;
     const box = [Math.min(...east), Math.min(...north), Math.max(...east), Math.max(...north)];

@@ -32,6 +32,9 @@ export class Model {
     /** @type {Record<string, any> | null} what the navigator estimates */
     this.navigation = null;
     this.navigationAtMs = NaN;
+    /** @type {Record<string, any> | null} what the acoustic array hears */
+    this.acoustics = null;
+    this.acousticsAtMs = NaN;
     /** @type {EventEntry[]} newest first */
     this.events = [];
     /** @type {Map<string, Reading>} */
@@ -45,7 +48,7 @@ export class Model {
    * Takes one message of the socket, or of the seed's own socket (bare sensor JSON).
    * @param {unknown} text
    * @param {number} nowMs
-   * @returns {'sensors' | 'status' | 'navigation' | 'event' | null} what changed
+   * @returns {'sensors' | 'status' | 'navigation' | 'acoustics' | 'event' | null} what changed
    */
   receive(text, nowMs) {
     let message;
@@ -64,6 +67,8 @@ export class Model {
     if (message.topic === 'status' && isObject(message.data)) return this.takeStatus(message.data, nowMs);
     if (message.topic === 'navigation' && isObject(message.data))
       return this.takeNavigation(message.data, nowMs);
+    if (message.topic === 'acoustics' && isObject(message.data))
+      return this.takeAcoustics(message.data, nowMs);
     if (message.topic === 'event') return this.takeEvents([message]);
     if (message.topic === undefined && isObject(message.imu)) return this.takeSensors(message, {}, nowMs);
     return null;
@@ -103,6 +108,17 @@ export class Model {
     this.navigation = data;
     this.navigationAtMs = nowMs;
     return 'navigation';
+  }
+
+  /**
+   * @param {Record<string, any>} data
+   * @param {number} nowMs
+   * @returns {'acoustics'}
+   */
+  takeAcoustics(data, nowMs) {
+    this.acoustics = data;
+    this.acousticsAtMs = nowMs;
+    return 'acoustics';
   }
 
   /**

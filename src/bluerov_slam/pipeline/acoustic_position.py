@@ -107,6 +107,7 @@ class Placed:
     position_deg: tuple[float, float] | None = None
     covariance_ned_m2: Array | None = None
     reason: str = ""
+    residuals_s: Array | None = None
 
 
 def solve_direction(differences: TimeDifferences, options: AcousticOptions, sound_speed_mps: float) -> AcousticSolution:
@@ -161,13 +162,14 @@ def place(
     ahead = found.position_m / range_m
     range_std_m = math.sqrt(float(ahead @ found.covariance_m2 @ ahead))
     if beacon is None:
-        return Placed(range_m, range_std_m, reason=NO_BEACON)
+        return Placed(range_m, range_std_m, reason=NO_BEACON, residuals_s=found.residuals_s)
     north_m, east_m, _ = -found.position_m - pose.rotation_ned_frd @ options.mounting.lever_arm_frd_m
     latitude_deg, longitude_deg, _ = LocalFrame(beacon.latitude_deg, beacon.longitude_deg).to_geodetic(
         float(north_m), float(east_m)
     )
     own = np.diag((beacon.std_m**2, beacon.std_m**2, 0.0))
-    return Placed(range_m, range_std_m, (latitude_deg, longitude_deg), found.covariance_m2 + own)
+    covariance = found.covariance_m2 + own
+    return Placed(range_m, range_std_m, (latitude_deg, longitude_deg), covariance, residuals_s=found.residuals_s)
 
 
 NO_BEACON: Final = "no position: the transmitter's place is not known; set acoustics.beacon"
@@ -192,7 +194,7 @@ def _depth_below(pose: Pose, beacon: Beacon | None, options: AcousticOptions) ->
 
 
 def _why(found: AcousticSolution, depth: tuple[float, float] | None, beacon: Beacon | None) -> str:
-    if found.reason:
+    if found.reason and found.converged:
         return found.reason
     if depth is not None:
         return "the range cannot be told at this elevation"

@@ -7,6 +7,7 @@ bit for bit.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -44,8 +45,9 @@ if TYPE_CHECKING:
         def feed(self, record: Record) -> list[NavState | Event]: ...
 
 
-# While raw records come, each pulse is judged by its record, and the board's own delays of it are not needed.
-RECORDS_FLOW_S: Final = 5.0
+# The board's own delays and the record of one pulse carry the stamp of the same sample.
+SAME_PULSE_S: Final = 0.05
+PULSES_KEPT: Final = 64
 # A record of a whole message is long, and sampled too slowly for the delays.
 MESSAGE_RECORD_S: Final = 0.1
 # With more than this share of a record lost, what is left of it may mislead.
@@ -68,7 +70,7 @@ class AcousticPipeline:
         self._poses = Poses()
         self._beacons = Beacons(self.options)
         self._sound_speed: tuple[float, float] | None = None
-        self._record_s = -math.inf
+        self._judged_s: deque[float] = deque(maxlen=PULSES_KEPT)
 
     def observe(self, state: NavState) -> None:
         """Take a state of the navigator: attitude and depth."""
@@ -77,17 +79,25 @@ class AcousticPipeline:
     def feed(self, record: Record) -> list[Heard]:
         """Take one record; other types than its own are passed over. A message comes out that a raw record held."""
         if isinstance(record, TimeDifferenceReading):
-            return [] if record.arrived_s - self._record_s < RECORDS_FLOW_S else [self._of_reading(record)]
+            return self._new(self._of_reading(record))
         if isinstance(record, AcousticRecord):
             if record.samples.shape[1] / record.sample_rate_hz > MESSAGE_RECORD_S:
                 return self._messages_of(record)
-            self._record_s = record.arrived_s
-            return [self._of_record(record)]
+            return [] if self._is_judged(record.measured_s) else self._new(self._of_record(record))
         if isinstance(record, CtdSample):
             self._on_ctd(record)
         elif isinstance(record, AcousticMessage):
             self._beacons.hear(record)
         return []
+
+    def _new(self, fix: AcousticFix) -> list[Heard]:
+        if fix.accepted:
+            self._judged_s.append(fix.measured_s)
+        return [fix]
+
+    def _is_judged(self, measured_s: float) -> bool:
+        """Whether delays of this pulse were taken already: its record would only say the same once more."""
+        return any(abs(measured_s - judged_s) < SAME_PULSE_S for judged_s in self._judged_s)
 
     def _on_ctd(self, sample: CtdSample) -> None:
         speed = sample.sound_speed_mps
@@ -188,6 +198,7 @@ class AcousticPipeline:
             fix,
             accepted=True,
             reason=placed.reason,
+            residuals_s=fix.residuals_s if placed.residuals_s is None else tuple(placed.residuals_s.tolist()),
             range_m=placed.range_m,
             range_std_m=placed.range_std_m,
             position_deg=placed.position_deg,

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bluerov_slam.acoustics.navigation_aid import BEACON, AcousticDelays, AidOptions, Verdict
+from bluerov_slam.navigation.measurements import HorizontalPosition
+from bluerov_slam.pipeline.navigator_gps import Fix
 from bluerov_slam.pipeline.navigator_words import Wait
-from bluerov_slam.records import PositionFix
 
 if TYPE_CHECKING:
     from bluerov_slam.navigation.ekf import UpdateResult
@@ -54,18 +55,31 @@ class AcousticIntake:
             return  # the pipeline's own word says why
         elif not core.position_known or core.place.frame is None:
             status.wait_for(Wait.NO_ORIGIN, record.arrived_s)
-            self._begin_with(record)
+            if record.accepted:
+                self._begin_with(record)
         else:
             status.wait_for(None, record.arrived_s)
             self._offer(record, (beacon[0], beacon[1], beacon[2]))
 
     def _begin_with(self, record: AcousticFix) -> None:
         """The first position of a dive that no GPS saw begin."""
-        if record.position_deg is None or record.covariance_ned_m2 is None or not self._core.heading_known():
+        core = self._core
+        if record.position_deg is None or record.covariance_ned_m2 is None or not core.heading_known():
             return
-        rows = record.covariance_ned_m2
-        covariance = (rows[0][0], rows[0][1], rows[1][1])
-        self._positions.fix(PositionFix(record.measured_s, record.arrived_s, SENSOR, *record.position_deg, covariance))
+        assert core.timeline is not None
+        covariance = np.array(record.covariance_ned_m2)[:2, :2]
+        if core.place.frame is None:
+            std_m = math.sqrt(0.5 * float(covariance.trace()))
+            self._positions.settle(Fix(record.measured_s, record.arrived_s, *record.position_deg, std_m))
+        north_m, east_m = core.place.offset_m(*record.position_deg)
+        first = HorizontalPosition(record.measured_s, north_m, east_m, covariance, SENSOR, wanders=False)
+        core.timeline.offer(first, self._begun, gated=False)
+
+    def _begun(self, result: UpdateResult) -> None:
+        if result.accepted and not self._core.position_known:
+            self._core.position_known = True
+            self._core.say("Position known, from the acoustic array")
+        self._done(result)
 
     def _offer(self, record: AcousticFix, beacon: tuple[float, float, float]) -> None:
         core, options = self._core, self._options

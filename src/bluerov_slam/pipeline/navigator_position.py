@@ -128,7 +128,7 @@ class Positions:
             return
         core.book[source].wait_for(None, fix.arrived_s)
         if core.place.frame is None:
-            self._settle(fix)
+            self.settle(fix)
         north_m, east_m = core.place.offset_m(fix.latitude_deg, fix.longitude_deg)
         wanders_like_gps = source == "gps"
         position = HorizontalPosition(fix.at_s, north_m, east_m, white_m2, source, lever_frd_m, wanders_like_gps)
@@ -173,7 +173,7 @@ class Positions:
         self._persistence["position"].forget()
         return True
 
-    def _settle(self, fix: Fix) -> None:
+    def settle(self, fix: Fix) -> None:
         """The first position: the origin, true north, and with it the heading."""
         core = self._core
         turn_rad = core.place.settle(fix.latitude_deg, fix.longitude_deg)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING
 from bluerov_slam.navigation.rotation import quaternion_from_rotation
 from bluerov_slam.pipeline.navigator_commands import SavedNavigation
 from bluerov_slam.pipeline.navigator_start import (
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from bluerov_slam.pipeline.navigator_start import Start
 
 LEAST_ADDED_M = 1.0
+# What the filter estimates only with an acoustic array.
+OPTIONAL = frozenset((MOUNTING, BEACON, "sound_speed_scale"))
 
 
 def save(core: Core, surface_pressure_pa: float | None, distance_m: float) -> SavedNavigation:
@@ -67,17 +70,23 @@ def resume(core: Core, filter_: ErrorStateFilter, saved: SavedNavigation, age_s:
             f"The saved position is {old} old and is not used: the vehicle may have been moved", EventLevel.WARNING
         )
         return False
-    layout = filter_.layout
-    size = layout.size
-    covariance = np.zeros((size, size))
-    fits = saved.layout == layout.blocks
+    # A block that an array brings with it may have come or gone since: the others are what they were.
+    here = {name: filter_.layout[name] for name, _ in filter_.layout.blocks}
+    covariance = filter_.covariance.copy()
+    there = _places(saved.layout)
+    shared = [name for name in there if name in here]
+    fits = (set(there) ^ set(here)) <= OPTIONAL and all(len(there[name]) == _size(here[name]) for name in shared)
     if fits:
-        covariance[np.triu_indices(size)] = saved.covariance
-        covariance += np.triu(covariance, 1).T
+        whole = np.zeros((len(saved.values), len(saved.values)))
+        whole[np.triu_indices(len(saved.values))] = saved.covariance
+        whole += np.triu(whole, 1).T
+        ours = np.concatenate([np.arange(here[name].start, here[name].stop) for name in shared])
+        theirs = np.concatenate([np.array(there[name]) for name in shared])
+        covariance[np.ix_(ours, ours)] = whole[np.ix_(theirs, theirs)]
     if not fits or not _is_covariance(covariance):
         core.say("The saved position is damaged or of another version and is not used", EventLevel.WARNING)
         return False
-    filter_.estimate.values[:] = saved.values
+    filter_.estimate.values[ours] = np.array(saved.values)[theirs]
     filter_.covariance = covariance
     _grow(core, filter_, age_s)
     added_m = LEAST_ADDED_M + core.options.resume_speed_mps * age_s
@@ -96,6 +105,18 @@ def resume(core: Core, filter_: ErrorStateFilter, saved: SavedNavigation, age_s:
         "uncertainty says so until the next fix"
     )
     return True
+
+
+def _places(layout: tuple[tuple[str, int], ...]) -> dict[str, range]:
+    places, start = {}, 0
+    for name, size in layout:
+        places[name] = range(start, start + size)
+        start += size
+    return places
+
+
+def _size(place: slice) -> int:
+    return int(place.stop - place.start)
 
 
 def _grow(core: Core, filter_: ErrorStateFilter, age_s: float) -> None:
