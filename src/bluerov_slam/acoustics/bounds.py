@@ -47,6 +47,37 @@ def derivative_energy(clean: Array, sample_rate_hz: float) -> Array:
     return total
 
 
+def record_delay_covariance(clean: Array, arrivals_s: Array, sample_rate_hz: float, noise_std: float) -> Array:
+    """Least covariance (n-1, n-1) of delays to receiver 0 from records that are cut off.
+
+    What only one record holds of an unknown pulse says nothing about delays; here that is counted out sample by sample.
+
+    Args:
+        clean: Noise-free records (n, samples), receivers of equal response.
+        arrivals_s: (n,) of the pulse, on any common clock.
+    """
+    count, length = clean.shape
+    late = np.rint((arrivals_s - arrivals_s.min()) * sample_rate_hz).astype(np.intp)
+    scale = derivative_energy(clean, sample_rate_hz)
+    power = np.gradient(clean, axis=1) ** 2
+    power *= (scale / power.sum(axis=1))[:, None]
+    # Sample k of receiver i holds the pulse's instant k - late_i, the latest receiver's first sample being the first.
+    first = int(late.max())
+    heard = np.zeros((count, length + first))
+    covers = np.zeros((count, length + first), dtype=bool)
+    for row in range(count):
+        begin = first - int(late[row])
+        heard[row, begin : begin + length] = power[row]
+        covers[row, begin : begin + length] = True
+    weight = scale / scale.mean()  # unequal gains
+    common = heard.sum(axis=0) / np.maximum((weight[:, None] * covers).sum(axis=0), 1e-300)
+    seen = weight[:, None] * covers
+    total = np.maximum(seen.sum(axis=0), 1e-300)
+    information = np.diag((seen * common).sum(axis=1)) - np.einsum("ik,jk,k->ij", seen, seen, common / total)
+    covariance: Array = np.linalg.inv(information[1:, 1:]) * noise_std**2
+    return covariance
+
+
 def pair_timing_std_s(clean: ArrayLike, sample_rate_hz: float, noise_std: float) -> float:
     """Least standard deviation of the delay between two receivers that both hear the record (samples,) `clean`."""
     energy = derivative_energy(np.asarray(clean, dtype=np.float64)[None], sample_rate_hz)[0]

@@ -17,8 +17,14 @@ ComplexArray = NDArray[np.complex128]
 BAND_HZ = (36e3, 44e3)
 """Where a pulse of half-millisecond bits at a carrier of 39.7 to 40.4 kHz has its power."""
 
-WIDE_BAND_HZ = (25e3, 55e3)
-"""Outside this there is nothing of the pulse but one part in a thousand."""
+WIDE_BAND_HZ = (30e3, 50e3)
+"""Holds all of the pulse but 1 %: where the cell is known, the noise at its flanks does no harm any more."""
+
+NOISE_HZ = (100e3, 300e3)
+"""Where the noise's density is measured: what the edges of a cut-off pulse scatter has died away there."""
+
+TAPER_SHARE = 0.01
+"""Of a window, for both flanks: keeps the edges' scatter out of the noise's band."""
 
 STEPS_PER_BAND = 16
 """Samples of an envelope for each 1 / bandwidth: fine enough to interpolate linearly (error below 0.1 %)."""
@@ -87,45 +93,59 @@ class BandSpectra:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Windows of all records that cover the same part of the pulse: their spectra (n, b), phases by sample 0 of the
-    record; how many samples they count for (a taper by its square); and signal to noise power per sample (n,), dB."""
+    """Windows of all records that cover the same part of the pulse.
+
+    Spectra (n, b) at their frequencies (b,), phases by sample 0 of the record; how many samples a window counts for (a
+    taper by its square), of how long a transform; and signal to noise power per sample (n,), dB.
+    """
 
     spectra: ComplexArray
+    frequencies_hz: Array
     effective: float
+    size: int
     snr_db: Array
 
 
-def common_windows(spectra: BandSpectra, samples: Array, arrivals_s: Array) -> Windows:
+def common_windows(
+    samples: Array,
+    sample_rate_hz: float,
+    arrivals_s: Array,
+    taper_share: float = TAPER_SHARE,
+    band_hz: tuple[float, float] = WIDE_BAND_HZ,
+) -> Windows:
     """What all records (n, samples) have in common, given roughly when the pulse arrives at each (n,).
 
     The pulse being cut off costs no accuracy so: what lies outside one window lies outside all.
     """
-    whole = np.rint(arrivals_s * spectra.sample_rate_hz).astype(np.intp)
+    whole = np.rint(arrivals_s * sample_rate_hz).astype(np.intp)
     # Wild delays, as a baseline's slips are, must leave a window.
     starts = np.minimum(whole - whole.min(), samples.shape[1] // 2)
     count = samples.shape[1] - int(starts.max())
-    flanks = taper(count)
+    flanks = taper(count, taper_share)
     windows = np.stack([row[start : start + count] for row, start in zip(samples, starts, strict=True)]) * flanks
-    whole_spectra = np.fft.rfft(windows, spectra.size, axis=1)
-    values = whole_spectra[:, spectra.first_bin : spectra.first_bin + len(spectra.frequencies_hz)]
-    late = starts[:, None] / spectra.sample_rate_hz
+    size = next_power_of_two(2 * count)
+    spectra = np.fft.rfft(windows, size, axis=1)
+    low, high = (min(round(edge * size / sample_rate_hz), size // 2) for edge in band_hz)
+    frequencies = np.arange(low, high + 1) * sample_rate_hz / size
+    turned = spectra[:, low : high + 1] * np.exp(-2j * np.pi * frequencies * starts[:, None] / sample_rate_hz)
     effective = float(np.sum(flanks**2))
-    turned = values * np.exp(-2j * np.pi * spectra.frequencies_hz * late)
-    return Windows(turned, effective, _snr_db(spectra, whole_spectra, np.sum(windows**2, axis=1)))
+    snr_db = _snr_db(spectra, sample_rate_hz, effective, np.sum(windows**2, axis=1))
+    return Windows(turned, frequencies, effective, size, snr_db)
 
 
-def _snr_db(spectra: BandSpectra, whole_spectra: ComplexArray, energy: Array) -> Array:
-    """Noise is what stands outside the pulse's widest band, as if it were white."""
-    low, high = (round(edge * spectra.size / spectra.sample_rate_hz) for edge in WIDE_BAND_HZ)
-    inside = 2.0 / spectra.size * np.sum(np.abs(whole_spectra[:, low:high]) ** 2, axis=1)
-    white = np.maximum(energy - inside, 1e-9 * energy) / (1.0 - 2.0 * (high - low) / spectra.size)
-    snr_db: Array = 10.0 * np.log10(np.maximum(energy - white, 1e-9 * energy) / white)
+def _snr_db(spectra: ComplexArray, sample_rate_hz: float, effective: float, energy: Array) -> Array:
+    """Noise has everywhere the density that it has far above the pulse."""
+    size = 2 * (spectra.shape[1] - 1)
+    low, high = (min(round(edge * size / sample_rate_hz), size // 2) for edge in NOISE_HZ)
+    noise = np.mean(np.abs(spectra[:, low:high]) ** 2, axis=1) if high > low else np.zeros(len(spectra))
+    noise = np.maximum(noise / effective, 1e-9 * energy / effective + 1e-300)
+    snr_db: Array = 10.0 * np.log10(np.maximum(energy / effective / noise - 1.0, 1e-9))
     return snr_db
 
 
-def taper(count: int, share: float = 0.03) -> Array:
+def taper(count: int, share: float = TAPER_SHARE) -> Array:
     """Window (count,) with cosine flanks over `share` of its length in all: keeps offsets out of the band."""
-    flank = max(1, round(0.5 * share * count))
+    flank = min(max(1, round(0.5 * share * count)), count // 2)
     weights = np.ones(count)
     rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(flank) + 0.5) / flank)
     weights[:flank] = rise

@@ -26,7 +26,8 @@ METHODS: tuple[Method, ...] = ("thesis", "parabola", "band_limited", "matched", 
 UNCALIBRATED_STD_S = 0.6e-6
 """Arrival error of a receiver of unknown response: half a per cent of resonance at a quality of 16."""
 
-CALIBRATED_STD_S = 0.03e-6
+LEAST_MISFIT_S = 0.2e-6
+"""Delays of a cell may miss a source's by this: before they are placed exactly they are good to the lag's grid."""
 
 LEAST_ALTERNATIVE = 1e-3
 """Cells less probable than this are not told."""
@@ -131,7 +132,7 @@ def _pairwise(
 ) -> TimeDifferences:
     rate = record.sample_rate_hz
     spectra = BandSpectra.of(record.samples, rate)
-    limits = record.limits_s[0, 1:] * pairwise.LAG_MARGIN
+    limits = record.limits_s[0, 1:] * pairwise.LAG_MARGIN + pairwise.LAG_MARGIN_S
     skew = record.skew_of_delays_s
     if method == "thesis":
         delays = pairwise.thesis(record.samples, rate)  # the skew is left in: as published
@@ -147,7 +148,7 @@ def _pairwise(
         delays = pairwise.matched(spectra, template, limits) + skew
     else:
         delays = pairwise.band_limited(spectra, limits) + skew
-    quality = _quality(record, spectra, np.concatenate(([0.0], -delays)))
+    quality = _quality(record, np.concatenate(([0.0], -delays)))
     covariance = quality.covariance_s2
     if method in ("thesis", "phat"):
         covariance = covariance + np.eye(len(delays)) / (12.0 * rate**2)
@@ -170,31 +171,30 @@ class _Quality:
     carrier_hz: float
 
 
-def _quality(record: _Record, spectra: BandSpectra, arrivals_s: Array) -> _Quality:
+def _quality(record: _Record, arrivals_s: Array) -> _Quality:
     """Of delays already found: from the windows that they align."""
-    windows = common_windows(spectra, record.samples, arrivals_s)
-    turns = np.exp(2j * np.pi * spectra.frequencies_hz * arrivals_s[:, None])
-    return _of_aligned(windows.spectra * turns, spectra, windows)
+    windows = common_windows(record.samples, record.sample_rate_hz, arrivals_s)
+    turns = np.exp(2j * np.pi * windows.frequencies_hz * arrivals_s[:, None])
+    return _of_aligned(windows.spectra * turns, windows)
 
 
-def _of_aligned(aligned: ComplexArray, spectra: BandSpectra, windows: Windows) -> _Quality:
+def _of_aligned(aligned: ComplexArray, windows: Windows) -> _Quality:
     """What the common pulse leaves is noise, which gives the least covariance of the delays."""
-    count = len(aligned)
+    count, bins = aligned.shape
     norms = np.sqrt(np.sum(np.abs(aligned) ** 2, axis=1))
     pulse = np.mean(aligned / np.maximum(norms, 1e-300)[:, None], axis=0)
-    energy = max(float(np.sum(np.abs(pulse) ** 2)), 1e-300)
+    power = np.abs(pulse) ** 2
+    energy = max(float(power.sum()), 1e-300)
     gains = np.real(aligned @ np.conj(pulse)) / energy
     left = np.sum(np.abs(aligned - gains[:, None] * pulse) ** 2, axis=1) * count / (count - 1)
-    bins = aligned.shape[1]
-    independent = bins * windows.effective / spectra.size
-    noise = np.maximum(left, 1e-12 * norms**2) / bins * independent / (independent - 1.0)  # gain and arrival are fitted
     # Bins of a zero-padded transform are not independent: so many samples share so large a transform. A bin's noise
     # is spread over both its components, of which a shift of the pulse moves one.
-    density = 2.0 * np.abs(pulse) ** 2 * windows.effective / spectra.size
-    curvature = float(np.sum((2.0 * np.pi * spectra.frequencies_hz) ** 2 * density))
+    share = windows.effective / windows.size
+    independent = bins * share
+    noise = np.maximum(left, 1e-12 * norms**2) / bins * independent / (independent - 1.0)  # gain and arrival are fitted
+    curvature = float(2.0 * share * ((2.0 * np.pi * windows.frequencies_hz) ** 2 @ power))
     covariance = delay_covariance(gains**2 * curvature, noise)
-    carrier = float(np.abs(pulse) ** 2 @ spectra.frequencies_hz / energy)
-    return _Quality(covariance, windows.snr_db, carrier)
+    return _Quality(covariance, windows.snr_db, float(power @ windows.frequencies_hz) / energy)
 
 
 def _joint(
@@ -203,30 +203,23 @@ def _joint(
     responses: ReceiverResponses | None,
     excluded: tuple[tuple[int, str], ...],
 ) -> TimeDifferences:
-    rate = record.sample_rate_hz
-    spectra = BandSpectra.of(record.samples, rate)
-    relative = None if responses is None else responses.relative(spectra.frequencies_hz)[record.receivers]
-    values = spectra.values if relative is None else spectra.values / relative
+    spectra = BandSpectra.of(record.samples, record.sample_rate_hz)
+    values = _equalised(spectra.values, spectra.frequencies_hz, record, responses)
     std = UNCALIBRATED_STD_S if responses is None else responses.delay_std_s
-    coherence = joint.PairCoherence(spectra, values, record.limits_s)
     geometry = joint.Geometry(record.receivers_m, record.sound_speed_mps)
     cells = joint.search(
-        coherence,
+        joint.PairCoherence(spectra, values, record.limits_s),
         geometry,
         spectra.carrier_hz(),
         joint.FREEDOM,
-        2.0 * std + 0.2e-6,
+        2.0 * std + LEAST_MISFIT_S,
         _expected(record, prior),
         record.skew_s,
     )
     if not len(cells.arrivals_s):
         return nothing(record.count, (*excluded, (-1, "no delays that a source could cause")))
     start = cells.arrivals_s[0]
-    windows = common_windows(spectra, record.samples, start)
-    heard = windows.spectra if relative is None else windows.spectra / relative
-    weights = joint.equal_weights(heard)
-    arrivals, aligned = joint.refine(heard, spectra.frequencies_hz, weights, start)
-    quality = _of_aligned(aligned / weights[:, None], spectra, windows)
+    arrivals, quality = _placed(record, responses, start)
     delays = -arrivals[1:] + record.skew_of_delays_s
     probability = np.exp(cells.log_odds - cells.log_odds[0])
     probability /= probability.sum()
@@ -248,6 +241,25 @@ def _joint(
         excluded,
         float(np.sqrt(np.mean(residual**2))),
     )
+
+
+def _placed(record: _Record, responses: ReceiverResponses | None, start_s: Array) -> tuple[Array, _Quality]:
+    """Arrivals (k,) exactly, inside the carrier cell of `start_s`."""
+    windows = common_windows(record.samples, record.sample_rate_hz, start_s)
+    heard = _equalised(windows.spectra, windows.frequencies_hz, record, responses)
+    weights = joint.equal_weights(heard)
+    arrivals, aligned = joint.refine(heard, windows.frequencies_hz, weights, start_s)
+    return arrivals, _of_aligned(aligned / weights[:, None], windows)
+
+
+def _equalised(
+    spectra: ComplexArray, frequencies_hz: Array, record: _Record, responses: ReceiverResponses | None
+) -> ComplexArray:
+    """Spectra (k, b) as nominal receivers would have heard them."""
+    if responses is None or responses.equal:
+        return spectra
+    equalised: ComplexArray = spectra / responses.relative(frequencies_hz)[record.receivers]
+    return equalised
 
 
 def _expected(record: _Record, prior: DelayPrior | None) -> tuple[Array, Array] | None:

@@ -20,8 +20,8 @@ ComplexArray = NDArray[np.complex128]
 THESIS_SIZE = 4096
 """Length of the thesis's zero-padded transform; longer records get the next power of two that holds all lags."""
 
-LAG_MARGIN = 1.02
-"""Physical limits are widened by this: sound speed and positions are not exact."""
+LAG_MARGIN, LAG_MARGIN_S = 1.02, 5e-6
+"""Physical limits are widened by this: sound speed, positions and receivers are not exact."""
 
 _FINE = 8  # lags tried per period of the carrier before the exact peak is sought
 _NEWTON_STEPS = 3
