@@ -142,6 +142,21 @@ def test_stamps_are_of_the_board_s_own_clock(scene):
     assert abs(np.median(off_s)) < 0.08
 
 
+def test_the_beacon_s_clock_is_slow(scene):
+    board = _board(scene, replace(QUIET, errors="nominal"), seed=2)
+    board.advance(10.0)
+    periods_s = np.diff([pulse.sent_s for pulse in board.pulses])
+    assert np.ptp(periods_s) < 1e-9
+    assert 1.0 < periods_s[0] < 1.03
+    assert np.diff([pulse.sent_s for pulse in _sent(scene, QUIET)]) == pytest.approx(1.0, abs=1e-12)
+
+
+def _sent(scene, plan):
+    board = _board(scene, plan)
+    board.advance(5.0)
+    return board.pulses
+
+
 def test_a_distant_beacon_is_not_heard(scene):
     board = _board(scene, replace(QUIET, beacon_north_m=900.0))
     assert board.advance(5.0) == []
