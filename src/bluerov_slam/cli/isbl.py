@@ -10,6 +10,7 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 COMMANDS: dict[str, str] = {
     "evaluate": "isbl_evaluate",
     "simulate": "isbl_simulate",
+    "solve": "isbl_solve",
 }
 
 

@@ -86,11 +86,17 @@ def draw(run: NavigationRun) -> dict[str, str]:
         for name, plot in plots.items():
             figure = plot(run)
             if figure is not None:
-                drawn[name] = _svg(figure)
+                drawn[name] = svg_text(figure)
     return drawn
 
 
-def _svg(figure: Figure) -> str:
+def figure_style() -> Any:
+    """Settings of matplotlib that every plot of ours has."""
+    return _STYLE
+
+
+def svg_text(figure: Figure) -> str:
+    """A figure as SVG to be put into a page."""
     FigureCanvasSVG(figure)
     stream = io.StringIO()
     figure.savefig(stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": None})

@@ -30,7 +30,7 @@ _TRUST_WORDS = {
 }
 _SHOWN_VERSIONS = ("numpy", "matplotlib", "mcap")
 
-_CSS = """
+REPORT_CSS = """
 :root{color-scheme:light}*{box-sizing:border-box}
 body{margin:0 auto;max-width:60rem;padding:1.5rem 1rem 4rem;background:#fff;color:#1f2328;
 font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif}
@@ -77,9 +77,8 @@ def report_html(
     title = escape(f"Navigation of {_name(summary)}")
     meta = '<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
     head = f"{meta}<title>{title}</title>"
-    return (
-        f"<!doctype html><html lang=en><head>{head}<style>{_CSS}</style></head><body>{''.join(parts)}</body></html>\n"
-    )
+    style = f"<style>{REPORT_CSS}</style>"
+    return f"<!doctype html><html lang=en><head>{head}{style}</head><body>{''.join(parts)}</body></html>\n"
 
 
 def duration_words(seconds: float) -> str:
