@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bluerov_slam.acoustics.array import ReceiverArray
 from bluerov_slam.acoustics.bounds import delay_covariance
+from bluerov_slam.acoustics.receiver_faults import find_swapped
 from bluerov_slam.acoustics.time_differences import joint, pairwise
-from bluerov_slam.acoustics.time_differences.band import BandSpectra, Windows, common_windows
+from bluerov_slam.acoustics.time_differences.band import WIDE_BAND_HZ, BandSpectra, Windows, common_windows
 from bluerov_slam.acoustics.time_differences.checks import check_receivers
+from bluerov_slam.acoustics.time_differences.onset import early_part, onsets_s
 from bluerov_slam.acoustics.time_differences.result import DelayPrior, TimeDifferences
 
 if TYPE_CHECKING:
-    from bluerov_slam.acoustics.array import ReceiverArray
     from bluerov_slam.acoustics.calibration.responses import ReceiverResponses
 
 Array = NDArray[np.float64]
@@ -28,6 +30,12 @@ UNCALIBRATED_STD_S = 0.6e-6
 
 LEAST_MISFIT_S = 0.2e-6
 """Delays of a cell may miss a source's by this: before they are placed exactly they are good to the lag's grid."""
+
+ECHO_DEVIATES = 3.09
+"""The record's beginning alone is trusted where it differs from the whole as noise lets it once in a thousand times."""
+
+ECHO_LEAST_S, ECHO_RESPONSE_SHARE = 0.1e-6, 0.5
+"""By this, and this share of the receivers' own error, whole and beginning differ without any echo."""
 
 LEAST_ALTERNATIVE = 1e-3
 """Cells less probable than this are not told."""
@@ -203,63 +211,150 @@ def _joint(
     responses: ReceiverResponses | None,
     excluded: tuple[tuple[int, str], ...],
 ) -> TimeDifferences:
+    seeker = _Seeker.of(record, prior, responses)
     spectra = BandSpectra.of(record.samples, record.sample_rate_hz)
-    values = _equalised(spectra.values, spectra.frequencies_hz, record, responses)
-    std = UNCALIBRATED_STD_S if responses is None else responses.delay_std_s
-    geometry = joint.Geometry(record.receivers_m, record.sound_speed_mps)
-    cells = joint.search(
-        joint.PairCoherence(spectra, values, record.limits_s),
-        geometry,
-        spectra.carrier_hz(),
-        joint.FREEDOM,
-        2.0 * std + LEAST_MISFIT_S,
-        _expected(record, prior),
-        record.skew_s,
-    )
-    if not len(cells.arrivals_s):
+    values = seeker.equalised(spectra.values, spectra.frequencies_hz)
+    found = seeker.seek(spectra, values, joint.FREEDOM)
+    begun = onsets_s(spectra, values)
+    early = None if begun is None else seeker.seek_early(begun)
+    judged = early or found
+    exchanged = None if judged is None or judged.cells.free_s is None else seeker.exchanged(judged.cells.free_s)
+    if exchanged is not None:
+        return nothing(record.count, (*excluded, *exchanged))
+    onset_only = early is not None and (found is None or seeker.contradict(found, early))
+    if onset_only:
+        found = early
+    if found is None:
         return nothing(record.count, (*excluded, (-1, "no delays that a source could cause")))
-    start = cells.arrivals_s[0]
-    arrivals, quality = _placed(record, responses, start)
-    delays = -arrivals[1:] + record.skew_of_delays_s
-    probability = np.exp(cells.log_odds - cells.log_odds[0])
-    probability /= probability.sum()
+    delays = -found.arrivals_s[1:] + record.skew_of_delays_s
+    cells, probability = found.cells, found.probability
+    if early is not None and early.probability[0] > probability[0]:
+        # Both say the same cell; an echo that makes the whole record doubtful has not reached its beginning.
+        cells, probability = early.cells, early.probability
     other = tuple(
-        (delays - (cells.arrivals_s[each, 1:] - start[1:]), float(probability[each]))
+        (delays - (cells.arrivals_s[each, 1:] - cells.arrivals_s[0, 1:]), float(probability[each]))
         for each in range(1, len(probability))
         if probability[each] > LEAST_ALTERNATIVE
     )
-    residual, _ = geometry.misfit((arrivals + record.skew_s)[None])
+    residual, _ = seeker.geometry.misfit((found.arrivals_s + record.skew_s)[None])
     return TimeDifferences(
         int(record.receivers[0]),
         record.receivers,
         delays,
-        quality.covariance_s2 + std**2 * (np.eye(len(delays)) + 1.0),
-        quality.carrier_hz,
-        record.per_receiver(quality.snr_db),
+        found.quality.covariance_s2 + seeker.std_s**2 * (np.eye(len(delays)) + 1.0),
+        found.quality.carrier_hz,
+        record.per_receiver(found.quality.snr_db),
         float(1.0 - probability[0]),
         other,
         excluded,
         float(np.sqrt(np.mean(residual**2))),
+        onset_only,
     )
 
 
-def _placed(record: _Record, responses: ReceiverResponses | None, start_s: Array) -> tuple[Array, _Quality]:
-    """Arrivals (k,) exactly, inside the carrier cell of `start_s`."""
-    windows = common_windows(record.samples, record.sample_rate_hz, start_s)
-    heard = _equalised(windows.spectra, windows.frequencies_hz, record, responses)
-    weights = joint.equal_weights(heard)
-    arrivals, aligned = joint.refine(heard, windows.frequencies_hz, weights, start_s)
-    return arrivals, _of_aligned(aligned / weights[:, None], windows)
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The best cell's arrivals (k,) by the records' own samples, exactly, and all that were considered."""
+
+    cells: joint.Cells
+    arrivals_s: Array
+    quality: _Quality
+
+    @property
+    def probability(self) -> Array:
+        """Of each cell, the best first."""
+        odds = np.exp(self.cells.log_odds - self.cells.log_odds[0])
+        share: Array = odds / odds.sum()
+        return share
 
 
-def _equalised(
-    spectra: ComplexArray, frequencies_hz: Array, record: _Record, responses: ReceiverResponses | None
-) -> ComplexArray:
-    """Spectra (k, b) as nominal receivers would have heard them."""
-    if responses is None or responses.equal:
-        return spectra
-    equalised: ComplexArray = spectra / responses.relative(frequencies_hz)[record.receivers]
-    return equalised
+@dataclass(frozen=True, eq=False)
+class _Seeker:
+    """What the search over carrier cells needs besides a record's spectra."""
+
+    record: _Record
+    responses: ReceiverResponses | None
+    geometry: joint.Geometry
+    std_s: float  # of an arrival, from the receiver's response
+    expected: tuple[Array, Array] | None
+
+    @classmethod
+    def of(cls, record: _Record, prior: DelayPrior | None, responses: ReceiverResponses | None) -> _Seeker:
+        std_s = UNCALIBRATED_STD_S if responses is None else responses.delay_std_s
+        geometry = joint.Geometry(record.receivers_m, record.sound_speed_mps)
+        return cls(record, responses, geometry, std_s, _expected(record, prior))
+
+    def equalised(self, spectra: ComplexArray, frequencies_hz: Array) -> ComplexArray:
+        """Spectra (k, b) as nominal receivers would have heard them."""
+        if self.responses is None or self.responses.equal:
+            return spectra
+        equalised: ComplexArray = spectra / self.responses.relative(frequencies_hz)[self.record.receivers]
+        return equalised
+
+    def cells(self, spectra: BandSpectra, values: ComplexArray, freedom: float) -> joint.Cells:
+        """The likeliest carrier cells."""
+        return joint.search(
+            joint.PairCoherence(spectra, values, self.record.limits_s),
+            self.geometry,
+            spectra.carrier_hz(),
+            freedom,
+            2.0 * self.std_s + LEAST_MISFIT_S,
+            self.expected,
+            self.record.skew_s,
+        )
+
+    def seek(self, spectra: BandSpectra, values: ComplexArray, freedom: float) -> _Found | None:
+        """From the whole record."""
+        cells = self.cells(spectra, values, freedom)
+        if not len(cells.arrivals_s):
+            return None
+        start = cells.arrivals_s[0]
+        windows = common_windows(self.record.samples, self.record.sample_rate_hz, start)
+        return self._placed(cells, windows)
+
+    def seek_early(self, begun_s: Array) -> _Found | None:
+        """From what follows the onset: first about each record's own, then about the common one, the cell known."""
+        samples, rate = self.record.samples, self.record.sample_rate_hz
+        for _ in range(2):
+            part, effective = early_part(samples, rate, begun_s)
+            spectra = BandSpectra.of(part, rate)
+            cells = self.cells(spectra, self.equalised(spectra.values, spectra.frequencies_hz), joint.EARLY_FREEDOM)
+            if not len(cells.arrivals_s):
+                return None
+            begun_s = cells.arrivals_s[0] + np.median(begun_s - cells.arrivals_s[0])
+        wide = BandSpectra.of(part, rate, WIDE_BAND_HZ)
+        snr_db = common_windows(samples, rate, cells.arrivals_s[0]).snr_db
+        windows = Windows(wide.values, wide.frequencies_hz, effective, wide.size, snr_db)
+        return self._placed(cells, windows)
+
+    def contradict(self, whole: _Found, early: _Found) -> bool:
+        """Whether the whole record says something else than its beginning: then an echo has reached it."""
+        difference = whole.arrivals_s[1:] - early.arrivals_s[1:]
+        # Both see the same noise at the beginning, so the variance of their difference is that of the variances.
+        covariance = early.quality.covariance_s2 - whole.quality.covariance_s2
+        values, vectors = np.linalg.eigh(covariance)
+        floor = ECHO_LEAST_S**2 + (ECHO_RESPONSE_SHARE * self.std_s) ** 2
+        turned = vectors.T @ difference
+        squared = float(np.sum(turned**2 / (np.maximum(values, 0.0) + floor)))
+        # Wilson and Hilferty (1931), doi:10.1073/pnas.17.12.684: the cube root of chi-square is nearly normal.
+        spread = 2.0 / (9.0 * len(difference))
+        return (squared / len(difference)) ** (1.0 / 3.0) > 1.0 - spread + ECHO_DEVIATES * spread**0.5
+
+    def exchanged(self, arrivals_s: Array) -> tuple[tuple[int, str], ...] | None:
+        """Receivers whose exchange would explain impossible arrivals (k,)."""
+        used = ReceiverArray(self.record.receivers_m, self.record.skew_s)
+        delays = -(arrivals_s[1:] + self.record.skew_s[1:] - arrivals_s[0] - self.record.skew_s[0])
+        fault = find_swapped(delays, used, self.record.sound_speed_mps)
+        if fault is None:
+            return None
+        text = f"{fault.fault.value}: {fault.text}"
+        return tuple((int(self.record.receivers[each]), text) for each in fault.receivers)
+
+    def _placed(self, cells: joint.Cells, windows: Windows) -> _Found:
+        heard = self.equalised(windows.spectra, windows.frequencies_hz)
+        weights = joint.equal_weights(heard)
+        arrivals, aligned = joint.refine(heard, windows.frequencies_hz, weights, cells.arrivals_s[0])
+        return _Found(cells, arrivals, _of_aligned(aligned / weights[:, None], windows))
 
 
 def _expected(record: _Record, prior: DelayPrior | None) -> tuple[Array, Array] | None:

@@ -50,10 +50,20 @@ END_S = 0.1e-3
 NEAREST_RANGE_IN_APERTURES = 2.0
 """A source is at least so many times the array's largest extent away."""
 
+CONTRADICTION_S = 25e-6
+"""RMS by which arrivals miss any source's, from which receivers may be exchanged: two slips of a period, or more."""
+
+CONTRADICTION_ODDS = 8.0
+"""By so much in log-odds must impossible arrivals cohere better than possible ones."""
+
 NEWTON_STEPS = 4
 
 FREEDOM = 5.0
 """Independent numbers in a pulse 2 kHz wide and 2.4 ms long."""
+
+
+EARLY_FREEDOM = 3.0
+"""The same of its first half millisecond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +108,7 @@ class Cells:
     coherence: Array
     log_odds: Array
     misfit_s: Array  # (m,) RMS
-    reference: int
+    free_s: Array | None = None  # (n,) arrivals that cohere better by far, but that no source can cause
 
 
 class PairCoherence:
@@ -217,7 +227,7 @@ def search(
     for newest in range(1, count):
         lags = -coherence.in_phase(0, newest, carrier_hz)  # arrival after receiver 0's
         if not len(lags):
-            return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0), 0)
+            return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0))
         tried = np.concatenate((np.repeat(kept, len(lags), axis=0), np.tile(lags, len(kept))[:, None]), axis=1)
         gained = sum(coherence.at(other, newest, tried[:, other] - tried[:, newest]) for other in range(newest))
         total = np.repeat(score, len(lags)) + gained
@@ -231,14 +241,26 @@ def search(
         off = kept[:, 1:] - expected_s[0][1:]
         against = against + 0.5 * np.einsum("mi,ij,mj->m", off, expected_s[1], off)
     against = np.where(exists, against, np.inf)
-    rough = -against - _doubt(score / (0.5 * count * (count - 1)), count, freedom)
-    order = np.argsort(-rough, kind="stable")[:CELLS]
-    order = order[np.isfinite(rough[order])]
+    doubt = _doubt(score / (0.5 * count * (count - 1)), count, freedom)
+    order = np.argsort(against + doubt, kind="stable")[:CELLS]
+    order = order[np.isfinite(against[order])]
+    free = _contradicting(kept, doubt, squared / count, order)
     kept, against, squared = kept[order], against[order], squared[order]
     mean, share = coherence.of_all(kept)
     odds = -against - _doubt(mean, count, freedom * share)
     order = np.argsort(-odds, kind="stable")
-    return Cells(kept[order], mean[order], odds[order], np.sqrt(squared[order] / count), 0)
+    return Cells(kept[order], mean[order], odds[order], np.sqrt(squared[order] / count), free)
+
+
+def _contradicting(arrivals_s: Array, doubt: Array, squared_s2: Array, possible: NDArray[np.intp]) -> Array | None:
+    """Arrivals (n,) far from any source's that cohere far better than the possible ones."""
+    best = int(np.argmin(doubt))
+    if squared_s2[best] < CONTRADICTION_S**2:
+        return None
+    if len(possible) and doubt[possible].min() < doubt[best] + CONTRADICTION_ODDS:
+        return None
+    found: Array = arrivals_s[best]
+    return found
 
 
 def _doubt(coherence: Array, count: int, freedom: float | Array) -> Array:
