@@ -338,7 +338,7 @@ class _Seeker:
         squared = float(np.sum(turned**2 / (np.maximum(values, 0.0) + floor)))
         # Wilson and Hilferty (1931), doi:10.1073/pnas.17.12.684: the cube root of chi-square is nearly normal.
         spread = 2.0 / (9.0 * len(difference))
-        return (squared / len(difference)) ** (1.0 / 3.0) > 1.0 - spread + ECHO_DEVIATES * spread**0.5
+        return bool(np.cbrt(squared / len(difference)) > 1.0 - spread + ECHO_DEVIATES * np.sqrt(spread))
 
     def exchanged(self, arrivals_s: Array) -> tuple[tuple[int, str], ...] | None:
         """Receivers whose exchange would explain impossible arrivals (k,)."""
