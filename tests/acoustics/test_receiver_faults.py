@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bluerov_slam.acoustics.array import ReceiverArray
-from bluerov_slam.acoustics.receiver_faults import Fault, examine_record, find_swapped
+from bluerov_slam.acoustics.receiver_faults import Fault, SwapWatch, examine_record, find_swapped
 from bluerov_slam.simulation.acoustic_paths import floor_below
 from bluerov_slam.simulation.acoustic_record import (
     SAMPLE_RATE_HZ,
@@ -109,3 +109,47 @@ def test_right_order_is_left_alone_near_and_far(distance_m):
     delays_s = _delays(records, [0, 1, 2, 3])
     assert find_swapped(delays_s, ARRAY, 343.0) is None
     assert all(find_swapped(row, ARRAY, 343.0) is None for row in delays_s)
+
+
+def test_some_wrong_pings_do_not_hide_or_make_an_exchange():
+    records = _records(12)
+    wrong = np.random.default_rng(2).uniform(-8e-4, 8e-4, (4, 3))
+    exchanged, right = _delays(records, [0, 2, 1, 3]), _delays(records, [0, 1, 2, 3])
+    exchanged[:4] = right[:4] = wrong
+    assert "1 and 2" in find_swapped(exchanged, ARRAY, 343.0).text
+    assert find_swapped(right, ARRAY, 343.0) is None
+
+
+def test_a_receiver_a_period_off_is_no_exchange():
+    delays_s = _delays(_records(10), [0, 1, 2, 3])
+    for receiver in range(3):
+        slipped = delays_s.copy()
+        slipped[:, receiver] += 25.1e-6
+        assert find_swapped(slipped, ARRAY, 343.0) is None
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (2, 3), (2, 4)])
+def test_exchanges_show_in_an_array_with_a_stalk(pair):
+    array = ReceiverArray(np.vstack((ReceiverArray.cross().positions_m, (0.25, 0.0, 0.0))))
+    order = list(range(5))
+    order[pair[0]], order[pair[1]] = order[pair[1]], order[pair[0]]
+    rng = np.random.default_rng(8)
+    found = set()
+    for _ in range(10):
+        source_m = np.array([5.0, 20.0, 8.0]) + rng.normal(0.0, 2.0, (6, 3))
+        arrivals_s = np.linalg.norm(source_m[:, None] - array.positions_m, axis=2)[:, order] / 1500.0
+        finding = find_swapped(arrivals_s[:, :1] - arrivals_s[:, 1:], array, 1500.0)
+        found.add(finding is not None and f"{pair[0]} and {pair[1]}" in finding.text)
+    assert found == {True}
+
+
+def test_the_watch_speaks_after_some_pings_and_falls_silent_again():
+    watch = SwapWatch(ARRAY)
+    records = _records(40)
+    exchanged = records.toa_s[:12, [0, 2, 1, 3]]
+    said = [watch.hear(row - row[0], 343.0) for row in exchanged]
+    assert said[:5] == [None] * 5
+    assert all(finding is not None for finding in said[5:])
+    assert watch.hear([0.0, np.nan, 1e-5, 1e-5], 343.0) is not None  # an incomplete ping changes nothing
+    put_right = [watch.hear(row - row[0], 343.0) for row in records.toa_s[12:32]]
+    assert put_right[-1] is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
@@ -27,8 +28,12 @@ CLIPPED_RUN = 3
 CARRIER_BAND_HZ = (38_300.0, 41_700.0)
 """Where the middle of the energy may lie: the real carriers and the resonances' 40 kHz, 4 % either way."""
 
+LEAST_SWAP_S = 15e-6
+"""One receiver a whole carrier period off misfits by half of it (12.5 us) in a square; an exchange by tens of them."""
+
 _SPECTRUM_HZ = (12_000.0, 110_000.0)
-_SWAP_GAIN = 5.0
+_SWAP_GAIN, _ALIKE_S = 5.0, 1e-6
+_WATCHED_PINGS, _FEWEST_PINGS = 12, 6
 
 
 class Fault(Enum):
@@ -68,38 +73,54 @@ def examine_record(samples: ArrayLike, sample_rate_hz: float, bits: int = 12) ->
     return tuple(findings)
 
 
-def find_swapped(
-    delays_s: ArrayLike, array: ReceiverArray, sound_speed_mps: float, timing_std_s: float = 2e-6
-) -> RecordFault | None:
-    """Two receivers whose wires are exchanged, from the delays (pings, n-1) of several pings to receiver 0.
+def find_swapped(delays_s: ArrayLike, array: ReceiverArray, sound_speed_mps: float) -> RecordFault | None:
+    """Two receivers whose wires are exchanged, from the delays (pings, n-1) of some pings to receiver 0.
 
-    A far source gives arrival times that are linear in the receivers' places. Where they are not, by more than the
-    timing explains, and exchanging one pair makes them so, that pair is named. Not seen: an exchange that the array's
-    symmetry turns into another direction (opposite corners of the cross), and fewer receivers than the plane needs.
+    A far source gives arrival times that are linear in the receivers' places. Where most pings' are not, by more than a
+    wrong carrier period or a near source explains, and exchanging one pair makes them so, that pair is named. Not seen:
+    an exchange that the array's symmetry turns into another direction (opposite corners of the cross, with a stalk or
+    without), and a source so near the array's normal that an exchange hardly matters.
     """
     delays = np.atleast_2d(np.asarray(delays_s, dtype=np.float64))
     arrivals = np.concatenate((np.zeros((len(delays), 1)), -delays), axis=1)
-    places = array.positions_m / sound_speed_mps
-    count = len(places)
-    if count < 4:
+    across = _across(array.positions_m)
+    if not across.shape[1]:
         return None
-    straight = _misfit(arrivals, places)
-    if straight < 3.0 * timing_std_s:
+    straight = _misfit(arrivals, across)
+    if straight < LEAST_SWAP_S:
         return None
     found: list[tuple[float, tuple[int, int]]] = []
-    for pair in combinations(range(count), 2):
-        order = list(range(count))
-        order[pair[0]], order[pair[1]] = pair[1], pair[0]
-        found.append((_misfit(arrivals[:, order], places), pair))
+    for first, second in combinations(range(len(array)), 2):
+        order = list(range(len(array)))
+        order[first], order[second] = second, first
+        found.append((_misfit(arrivals[:, order], across), (first, second)))
     best = min(found)[0]
-    alike = [each for misfit, each in found if misfit < 1.5 * best + 0.5 * timing_std_s]
     if best * _SWAP_GAIN > straight:
         return None
+    alike = [pair for misfit, pair in found if misfit < 1.5 * best + _ALIKE_S]
     names = " or ".join(f"{a} and {b}" for a, b in sorted(alike))
     text = (
         f"receivers {names} seem exchanged: {1e6 * straight:.0f} us off a plane wave, {1e6 * best:.1f} us if put right"
     )
     return RecordFault(Fault.SWAPPED, text, tuple(sorted({each for pair in alike for each in pair})))
+
+
+class SwapWatch:
+    """Looks for exchanged receivers in the last pings that all receivers heard."""
+
+    def __init__(self, array: ReceiverArray) -> None:
+        self._array = array
+        self._arrivals: deque[FloatArray] = deque(maxlen=_WATCHED_PINGS)
+
+    def hear(self, arrivals_s: ArrayLike, sound_speed_mps: float) -> RecordFault | None:
+        """Take one ping's arrival times (n,) relative to any of them, NaN for none; what is wrong by now."""
+        arrivals = np.asarray(arrivals_s, dtype=np.float64)
+        if arrivals.shape == (len(self._array),) and np.isfinite(arrivals).all():
+            self._arrivals.append(arrivals)
+        if len(self._arrivals) < _FEWEST_PINGS:
+            return None
+        heard = np.stack(list(self._arrivals))
+        return find_swapped(heard[:, :1] - heard[:, 1:], self._array, sound_speed_mps)
 
 
 def _receiver_faults(record: FloatArray, bits: int) -> list[RecordFault]:
@@ -151,10 +172,14 @@ def _rate_fault(record: FloatArray, sample_rate_hz: float) -> RecordFault | None
     return RecordFault(Fault.SAMPLE_RATE, text)
 
 
-def _misfit(arrivals_s: FloatArray, places_s: FloatArray) -> float:
-    """Root mean square distance of arrival times (pings, n) from functions linear in the places (n, 3), in seconds."""
-    columns = np.column_stack((np.ones(len(places_s)), places_s))
+def _across(positions_m: FloatArray) -> FloatArray:
+    """Combinations of arrival times (n, q) that vanish for every plane wave."""
+    columns = np.column_stack((np.ones(len(positions_m)), positions_m))
     left, singular, _ = np.linalg.svd(columns, full_matrices=True)
-    rank = int((singular > 1e-9 * singular[0]).sum())
-    rest = arrivals_s @ left[:, rank:]
-    return float(np.sqrt(np.mean(np.square(rest)))) if rest.size else 0.0
+    result: FloatArray = left[:, int((singular > 1e-9 * singular[0]).sum()) :]
+    return result
+
+
+def _misfit(arrivals_s: FloatArray, across: FloatArray) -> float:
+    """How far arrival times (pings, n) are from plane waves, by the middle one of the pings: some may be wrong."""
+    return float(np.median(np.sqrt(np.mean(np.square(arrivals_s @ across), axis=1))))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bluerov_slam.acoustics.message.demodulation import demodulate
+from bluerov_slam.acoustics.receiver_faults import SwapWatch
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.pipeline.acoustic_beacon import Beacons
 from bluerov_slam.pipeline.acoustic_delays import count_mismatch, differences_of, with_slips
@@ -70,6 +71,7 @@ class AcousticPipeline:
         self._poses = Poses()
         self._beacons = Beacons(self.options)
         self._sound_speed: tuple[float, float] | None = None
+        self._swaps = SwapWatch(self.options.array)
         self._judged_s: deque[float] = deque(maxlen=PULSES_KEPT)
 
     def observe(self, state: NavState) -> None:
@@ -110,6 +112,11 @@ class AcousticPipeline:
             signal_std_counts=_known(reading.signal_std_counts),
             frame_bits=reading.frame_bits,
         )
+        arrivals_s = np.insert(-reading.delays_s, reading.reference, 0.0)
+        swapped = self._swaps.hear(arrivals_s, base.sound_speed_mps)
+        if swapped is not None:
+            what, _, _ = swapped.text.partition(":")  # its figures change with every pulse
+            return replace(base, reason=f"{what}; check the order of their plugs and of acoustics.places_m")
         found = differences_of(reading, self.options, base.sound_speed_mps)
         return replace(base, reason=found) if isinstance(found, str) else self._judged(base, found)
 
