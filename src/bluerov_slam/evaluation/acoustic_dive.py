@@ -58,7 +58,7 @@ class AcousticDiveOutcome:
 
 def options() -> NavigatorOptions:
     """The navigator's defaults with an array on board."""
-    return NavigatorOptions(acoustics=AcousticOptions(array=ARRAY, mounting=_mounting()))
+    return NavigatorOptions(acoustics=AcousticOptions(array=ARRAY, mounting=_mounting(), beacon_depth_std_m=0.3))
 
 
 def _mounting() -> ArrayMounting:
