@@ -231,3 +231,18 @@ def test_about_a_better_pose_the_prediction_is_that_pose_s_and_linear() -> None:
     # To first order it is what the estimate itself predicts.
     assert linear.residual == pytest.approx(straight.residual, abs=2e-6)
     assert not np.allclose(linear.residual, straight.residual, atol=1e-9)
+
+
+def test_an_unsure_refraction_leaves_the_azimuth_alone() -> None:
+    estimate = random_estimate(LAYOUT, 9, tilt=0.1)
+    exact = AidOptions(direction_std_rad=0.0)
+    sure = pulse(options=exact).evaluate(estimate, LAYOUT)
+    unsure = pulse(options=exact, bend_std_rad=0.1).evaluate(estimate, LAYOUT)
+    assert sure is not None
+    assert unsure is not None
+    added = unsure.noise - sure.noise
+    toward = np.array((30.0, -20.0, 12.0)) + estimate.block(BEACON) - estimate.position_ned_m
+    down = np.array((-toward[0] * toward[2], -toward[1] * toward[2], toward[0] ** 2 + toward[1] ** 2))
+    down /= math.hypot(toward[0], toward[1])
+    by_place = -sure.jacobian[:, :3]
+    assert added == pytest.approx(0.01 * np.outer(by_place @ down, by_place @ down), rel=1e-9, abs=1e-20)

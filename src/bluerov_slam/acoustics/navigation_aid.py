@@ -77,7 +77,8 @@ class AcousticDelays:
     no hypotheses are weighed. `about` is a better pose of that instant, from a smoother that has run before:
     predictions and derivatives are taken there, and what the estimate differs by counts to first order.
     `beacon_covariance_m2` (3, 3) counts where the layout has no block for the transmitter's place. `bend_rad`: by how
-    much refraction turns the arriving ray downward from the straight line.
+    much refraction turns the arriving ray downward from the straight line, and how unsure that is: layers leave the
+    azimuth alone.
     """
 
     at_s: float
@@ -93,6 +94,7 @@ class AcousticDelays:
     covariance_of: Callable[[], Array] | None = None
     about: Pose | None = None
     bend_rad: float = 0.0
+    bend_std_rad: float = 0.0
     verdict: Verdict = field(default_factory=Verdict)
     sensor: str = "acoustics"
 
@@ -107,6 +109,7 @@ class AcousticDelays:
         seen = seen._replace(predicted_s=(1.0 - short) * seen.predicted_s, jacobian=(1.0 - short) * seen.jacobian)
         noise = self.covariance_s2 + short * (seen.by_direction @ seen.by_direction.T)
         noise = noise + short * short * np.outer(seen.predicted_s, seen.predicted_s)
+        noise = noise + self.bend_std_rad**2 * np.outer(seen.by_bend, seen.by_bend)
         if self.beacon_covariance_m2 is not None and BEACON not in layout:
             by_beacon = -seen.jacobian[:, POSITION]
             noise = noise + by_beacon @ self.beacon_covariance_m2 @ by_beacon.T
@@ -170,8 +173,9 @@ class AcousticDelays:
             jacobian[:, layout[BEACON]] = by_place
         if "sound_speed_scale" in layout:
             jacobian[:, layout["sound_speed_scale"].start] = -predicted / scale
+        by_bend = by_frd @ rotation_frd_ned @ _downward(toward_ned)
         across = _across(source / math.sqrt(float(source @ source)))
-        return _Seen(predicted, jacobian, math.sqrt(float(source @ source)) * by_source @ across)
+        return _Seen(predicted, jacobian, math.sqrt(float(source @ source)) * by_source @ across, by_bend)
 
     def _weighed(self, seen: _Seen, residual: Array, noise: Array, spread: Array) -> Innovation | None:
         """The most probable carrier cell, with the noise of a pulse that may not have come straight."""
@@ -202,6 +206,7 @@ class _Seen(NamedTuple):
     predicted_s: Array
     jacobian: Array  # (k-1, n)
     by_direction: Array  # (k-1, 2), seconds per radian
+    by_bend: Array  # (k-1,), the same for a turn downward in the vertical plane
 
 
 def _log_normal(residual: Array, covariance: Array) -> float:
@@ -242,6 +247,15 @@ def _bent(toward_ned: Array, bend_rad: float) -> tuple[Array, Array]:
     shrink = cosine - sine * down / level
     derivative = np.outer(turned_along, along) + np.outer(turned_down, vertical) + shrink * np.outer(beside, beside)
     return level * turned_along + down * turned_down, derivative
+
+
+def _downward(toward_ned: Array) -> Array:
+    """How the vector moves when it is turned downward in its vertical plane, per radian."""
+    level = math.hypot(float(toward_ned[0]), float(toward_ned[1]))
+    if level < 1e-9:
+        return np.zeros(3)
+    down = float(toward_ned[2])
+    return np.array((-down * toward_ned[0] / level, -down * toward_ned[1] / level, level))
 
 
 def _across(direction: Array) -> Array:

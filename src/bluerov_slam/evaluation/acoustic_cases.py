@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.statistics import Interval, bootstrap, root_mean_square
 
-MODULES = ("acoustic_timing", "acoustic_position", "acoustic_echo", "acoustic_message")
+MODULES = ("acoustic_timing", "acoustic_position", "acoustic_echo", "acoustic_solving", "acoustic_message")
 """Modules of this package, in the order of the table."""
 
 DRAWS_PER_SEED = 50

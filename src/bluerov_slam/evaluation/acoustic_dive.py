@@ -57,8 +57,10 @@ class AcousticDiveOutcome:
 
 
 def options() -> NavigatorOptions:
-    """The navigator's defaults with an array on board."""
-    return NavigatorOptions(acoustics=AcousticOptions(array=ARRAY, mounting=_mounting(), beacon_depth_std_m=0.3))
+    """The navigator's defaults with an array on board, in water known to be mixed: the pings come straight."""
+    return NavigatorOptions(
+        acoustics=AcousticOptions(array=ARRAY, mounting=_mounting(), beacon_depth_std_m=0.3, sound_speed_fixed=True)
+    )
 
 
 def _mounting() -> ArrayMounting:

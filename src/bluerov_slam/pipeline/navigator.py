@@ -232,6 +232,7 @@ class Navigator:
             VehicleDepth: self._on_depth,
             VehicleRange: self._on_range,
         }
+        self._acoustics: AcousticIntake | None = None
         if options.acoustics is not None:
             self._acoustics = AcousticIntake(core, self._positions, options.acoustics)
             self._handlers[AcousticFix] = self._on_acoustics
@@ -315,6 +316,8 @@ class Navigator:
         self._depth.latitude_deg = self._core.place.latitude_deg
         self._depth.water(record)
         self._aids.water(record)
+        if self._acoustics is not None:
+            self._acoustics.water(record)
         return False
 
     def _on_gps(self, record: GpsFix) -> bool:
@@ -330,6 +333,7 @@ class Navigator:
         return self._catch_up(record.measured_s, record.arrived_s)
 
     def _on_acoustics(self, record: AcousticFix) -> bool:
+        assert self._acoustics is not None
         self._acoustics.take(record)
         return self._catch_up(record.measured_s, record.arrived_s)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from bluerov_slam.acoustics.navigation_aid import BEACON, AcousticDelays, AidOptions, Verdict
 from bluerov_slam.navigation.measurements import HorizontalPosition
+from bluerov_slam.pipeline.acoustic_bend import AcousticBend
 from bluerov_slam.pipeline.navigator_gps import Fix
 from bluerov_slam.pipeline.navigator_words import Wait
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from bluerov_slam.pipeline.acoustic_options import AcousticOptions
     from bluerov_slam.pipeline.navigator_core import Core
     from bluerov_slam.pipeline.navigator_position import Positions
-    from bluerov_slam.records import AcousticFix
+    from bluerov_slam.records import AcousticFix, CtdSample
 
 SENSOR: Final = "acoustics"
 # A transmitter that states a place this far from its last one has moved: what was learned of the old one is void.
@@ -40,6 +41,11 @@ class AcousticIntake:
         self._options = options
         self._stated: tuple[float, float, float] | None = None
         self._pending: Verdict | None = None
+        self._bend = AcousticBend()
+
+    def water(self, record: CtdSample) -> None:
+        """What the CTD says of the water that the sound comes through."""
+        self._bend.water(record)
 
     def take(self, record: AcousticFix) -> None:
         """One pulse, good or not."""
@@ -91,6 +97,10 @@ class AcousticIntake:
         covariance = np.array(record.delay_covariance_s2, dtype=np.float64)
         covariance += LEAST_TIMING_S**2 * np.eye(len(covariance))
         self._pending = verdict = Verdict()
+        north, east, down = filter_.estimate.position_ned_m.tolist()
+        bend, bend_std = 0.0, 0.0
+        if not options.sound_speed_fixed:
+            bend, bend_std = self._bend.of(down, beacon[2], math.hypot(north_m - north, east_m - east))
         measurement = AcousticDelays(
             at_s=record.measured_s,
             receivers_m=options.array.subset(record.receivers),
@@ -103,6 +113,8 @@ class AcousticIntake:
             alternatives=tuple((np.array(delays), share) for delays, share in record.alternatives),
             options=AidOptions(core.book[SENSOR].noise_scale * options.direction_std_rad, options.outlier_share),
             covariance_of=lambda: filter_.covariance,
+            bend_rad=bend,
+            bend_std_rad=bend_std,
             verdict=verdict,
         )
         core.timeline.offer(measurement, self._done)

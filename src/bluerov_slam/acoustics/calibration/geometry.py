@@ -180,8 +180,8 @@ class _Problem:
 
     def solve(self, sources: Array, free: bool) -> GeometryCalibration:
         """Gauss-Newton with priors; pulses that fit no more than an echo are left out and it is done again."""
-        whole = np.isfinite(self.delays).all(axis=1) & np.isfinite(sources).all(axis=1)
-        used = whole
+        whole = np.asarray(np.isfinite(self.delays).all(axis=1) & np.isfinite(sources).all(axis=1))
+        used: NDArray[np.bool_] = whole
         if not used.any():
             raise ArrayGeometryError("no pulse with delays of all receivers")
         state, places, converged = self._fit(sources, used, free)
@@ -190,7 +190,9 @@ class _Problem:
             white = residuals @ self.whitener.T
             squares = np.einsum("ij,ij->i", white, white)
             robust = max(1.0, float(np.median(squares[used])) / chi_square_quantile(0.5, self.count - 1))
-            keep = whole & (squares <= robust * chi_square_quantile(KEPT_PROBABILITY, self.count - 1))
+            keep: NDArray[np.bool_] = whole & (
+                squares <= robust * chi_square_quantile(KEPT_PROBABILITY, self.count - 1)
+            )
             if (keep == used).all() or keep.sum() < max(3, 0.5 * whole.sum()):
                 break
             used = keep
@@ -218,9 +220,7 @@ class _Problem:
             step = np.linalg.solve(information, gradient)
             state[self.open] += scale * step
             if free:
-                inner_step = np.linalg.solve(
-                    inner, (pull - np.einsum("fpq,p->fq", cross, step))[:, :, None]
-                )[:, :, 0]
+                inner_step = np.linalg.solve(inner, (pull - np.einsum("fpq,p->fq", cross, step))[:, :, None])[:, :, 0]
                 places[used] = _moved(places[used], inner_step)
             if float(np.abs(step).max()) < STEP_TOLERANCE:
                 return state, places, True
@@ -320,7 +320,9 @@ class _Problem:
             if value >= 1.0:
                 continue
             order = np.argsort(-np.abs(row))
-            parts = [f"{self.names[self.open[index]]} {row[index]:+.2f}" for index in order[:4] if abs(row[index]) > 0.3]
+            parts = [
+                f"{self.names[self.open[index]]} {row[index]:+.2f}" for index in order[:4] if abs(row[index]) > 0.3
+            ]
             told.append(f"singular value {value:.2g}: " + (", ".join(parts) or "all positions together"))
         return tuple(told)
 

@@ -78,9 +78,10 @@ def average_yaw(
     if seconds < LEAST_S:
         reason = f"averaged over {seconds:.0f} s, at least {LEAST_S:.0f} s are needed"
     elif std > wanted_std_rad:
+        longer_s = needed_s(math.sqrt(variance), wanted_std_rad, wobble_time_s)
         reason = (
             f"{math.degrees(std):.2f} deg after {seconds:.0f} s; the wobble averages out to "
-            f"{math.degrees(wanted_std_rad):.2f} deg in {needed_s(math.sqrt(variance), wanted_std_rad, wobble_time_s):.0f} s"
+            f"{math.degrees(wanted_std_rad):.2f} deg in {longer_s:.0f} s"
         )
     yaw = (middle + mean + float(turned[-1]) + math.pi) % math.tau - math.pi
     return StartYaw(yaw, std, seconds, math.sqrt(variance), reason)
@@ -102,3 +103,71 @@ def needed_s(wobble_rad: float, wanted_std_rad: float, wobble_time_s: float = WO
         middle = math.sqrt(low * high)
         low, high = (middle, high) if share_kept(middle, wobble_time_s) > share else (low, middle)
     return high
+
+
+class YawHold:
+    """Yaw by gyro, held by a compass whose slow wobble is a state, and set by a reference where there is one.
+
+    Unlike a complementary filter it does not follow the wobble: what moves slowly while the gyro sees nothing is the
+    compass's error. States: yaw, gyro bias, wobble; radians and seconds.
+    """
+
+    GYRO_WALK = math.radians(0.01)
+    BIAS_STD, BIAS_WALK = math.radians(0.02), math.radians(1e-4)
+    COMPASS_STD = math.radians(0.1)
+
+    def __init__(self, yaw_rad: float, wobble_time_s: float = WOBBLE_TIME_S, wobble_rad: float = WOBBLE_RAD) -> None:
+        self._state = np.array((yaw_rad, 0.0, 0.0))
+        self._covariance = np.diag((math.pi**2, self.BIAS_STD**2, wobble_rad**2))
+        self._time_s, self._wobble = wobble_time_s, wobble_rad
+
+    @property
+    def yaw_rad(self) -> float:
+        """As of the last call."""
+        return float((self._state[0] + math.pi) % math.tau - math.pi)
+
+    @property
+    def std_rad(self) -> float:
+        """Of that yaw."""
+        return math.sqrt(float(self._covariance[0, 0]))
+
+    def turn(self, turned_rad: float, interval_s: float) -> None:
+        """What the gyro integrated over an interval."""
+        decay = math.exp(-interval_s / self._time_s)
+        step = np.array(((1.0, -interval_s, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, decay)))
+        self._state = step @ self._state
+        self._state[0] += turned_rad
+        added = (
+            self.GYRO_WALK**2 * interval_s,
+            self.BIAS_WALK**2 * interval_s,
+            self._wobble**2 * (1.0 - decay * decay),
+        )
+        self._covariance = step @ self._covariance @ step.T + np.diag(added)
+
+    def rest(self, turned_rad: float, interval_s: float) -> None:
+        """What the gyro integrated while nothing turned: that is its bias."""
+        self.turn(0.0, interval_s)
+        self._state[0] += interval_s * self._state[1]  # the turn above took the bias off a turn that there was not
+        self._covariance[0, :] += interval_s * self._covariance[1, :]
+        self._covariance[:, 0] += interval_s * self._covariance[:, 1]
+        self._update(
+            np.array((0.0, 1.0, 0.0)), turned_rad / interval_s, self.GYRO_WALK / math.sqrt(interval_s), wraps=False
+        )
+
+    def compass(self, yaw_rad: float) -> None:
+        """A yaw that wobbles."""
+        self._update(np.array((1.0, 0.0, 1.0)), yaw_rad, self.COMPASS_STD)
+
+    def reference(self, yaw_rad: float, std_rad: float) -> None:
+        """A yaw that does not: a known direction, a fixture."""
+        self._update(np.array((1.0, 0.0, 0.0)), yaw_rad, std_rad)
+
+    def _update(self, row: Array, value: float, std_rad: float, wraps: bool = True) -> None:
+        residual = value - float(row @ self._state)
+        if wraps:
+            residual = math.remainder(residual, math.tau)
+        carried = self._covariance @ row
+        gain = carried / (float(row @ carried) + std_rad**2)
+        self._state = self._state + gain * residual
+        kept = np.eye(3) - np.outer(gain, row)
+        self._covariance = kept @ self._covariance @ kept.T + std_rad**2 * np.outer(gain, gain)
