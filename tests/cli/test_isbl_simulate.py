@@ -63,3 +63,23 @@ def test_an_existing_file_is_kept_unless_forced(tmp_path):
 def test_a_wrong_option_is_named(tmp_path, arguments, message):
     with pytest.raises(ConfigError, match=message):
         run(tmp_path / arguments[0], *arguments[1:])
+
+
+def test_a_set_up_comes_from_a_file(tmp_path):
+    setup = tmp_path / "water.toml"
+    setup.write_text(
+        "snr_db = 25\ncarrier_hz = [39800, 39800]\n[array]\narm_m = 0.4\ncentre = true\n"
+        "[medium]\nsound_speed_mps = 1490\nabsorption_db_per_m = 0.01\n"
+        "[[reflectors]]\nnormal = [0, 0, -1]\ndistance_m = 3\ncoefficient = -0.5\n"
+        '[window]\nmode = "ring"\nsamples = 1500\npre_trigger = 300\n'
+    )
+    run(tmp_path / "a.npz", "--setup", setup, "--source", "20,0,0")
+    (record,) = read_acoustic_records(tmp_path / "a.npz")
+    assert record.samples.shape == (5, 1500)
+    assert record.trigger_index == 300
+    with np.load(tmp_path / "a.npz") as file:
+        assert file["true_carrier_hz"].tolist() == [39800.0]
+        distance_m = np.hypot(20.0, 0.4)
+        assert file["true_delays_s"][0, 3] == pytest.approx((distance_m - 20.0) / 1490.0)
+    with pytest.raises(ConfigError, match="cannot be read as TOML"):
+        run(tmp_path / "b.npz", "--setup", tmp_path / "none.toml")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from bluerov_slam.simulation.acoustic_record import (
     Window,
     simulate_records,
 )
+from bluerov_slam.simulation.acoustic_setup import acoustic_setup_from_mapping
 from bluerov_slam.sinks.acoustic_records import write_mcap, write_npz, write_wav
 from bluerov_slam.sinks.whole_output import in_whole
 
@@ -62,6 +64,13 @@ def three_numbers(text: str) -> tuple[float, float, float]:
 @click.option("--onset", is_flag=True, help="Keep 448 samples before the trigger; the thesis's board has none.")
 @click.option("--clip", is_flag=True, help="A signal too strong for the converter.")
 @click.option("--message", help="LATITUDE,LONGITUDE,DEPTH: whole message frames at 106 kHz instead of pulses.")
+@click.option(
+    "--setup",
+    "setup_file",
+    type=click.Path(path_type=Path),
+    help="A TOML file with every figure of the set-up (docs/acoustics-simulation.md), in place of the options from "
+    "--medium to --clip.",
+)
 @click.option("--seed", default=1, show_default=True)
 @click.option("--force", is_flag=True, help="Replace the output if it exists.")
 def command(
@@ -81,6 +90,7 @@ def command(
     onset: bool,
     clip: bool,
     message: str | None,
+    setup_file: Path | None,
     seed: int,
     force: bool,
 ) -> None:
@@ -106,6 +116,8 @@ def command(
         peak_counts=4000.0 if clip else 800.0,
         window=Window("ring", 2048, 448) if onset else Window(),
     )
+    if setup_file is not None:
+        setup = _read_setup(setup_file)
     if message is not None:
         setup = _with_message(setup, message)
     sources_m = np.array(place_m) + scatter * np.random.default_rng([seed, 0x5CA7]).standard_normal((count, 3))
@@ -115,6 +127,13 @@ def command(
         click.echo(f"{missed} of {count} records: the pulse is too weak to trip the trigger; they hold noise", err=True)
     for path in _write(output, simulated, setup.bits_per_sample, force):
         click.echo(f"{path}")
+
+
+def _read_setup(path: Path) -> AcousticSetup:
+    try:
+        return acoustic_setup_from_mapping(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
 
 
 def _with_message(setup: AcousticSetup, message: str) -> AcousticSetup:
