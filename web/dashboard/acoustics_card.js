@@ -86,9 +86,9 @@ export class AcousticsCard {
     this.icon = stateIcon();
     this.sentence = make('p', { class: 'acoustics-text', text: 'Waiting for the extension' });
     this.cure = make('p', { class: 'acoustics-cure hint' });
-    const canvas = instrumentCanvas('Direction of the transmitter');
-    this.canvas = canvas;
-    this.rose = new AcousticsRose(canvas);
+    this.canvas = instrumentCanvas('Direction of the transmitter');
+    /** @type {AcousticsRose | null} made once an array is fitted: before, its place has no size */
+    this.rose = null;
     this.numbers = ROWS.map(() => make('span', { class: 'number none', text: '-' }));
     this.units = ROWS.map((row) => make('span', { class: 'unit', text: row.unit }));
     this.receivers = make('ul', { class: 'receivers', 'aria-label': 'Receivers' });
@@ -98,7 +98,6 @@ export class AcousticsCard {
     this.body = make(
       'div',
       { class: 'acoustics-body' },
-      canvas,
       make(
         'dl',
         { class: 'cells compact' },
@@ -141,6 +140,10 @@ export class AcousticsCard {
     setText(this.cure, typeof data.cure === 'string' ? data.cure : '');
     this.speak(data);
     if (!fitted) return;
+    if (!this.rose) {
+      this.body.prepend(this.canvas);
+      this.rose = new AcousticsRose(this.canvas);
+    }
     const seconds = pulseAge(data, oldS);
     const fresh = seconds !== null && seconds <= PULSE_STALE_S;
     const direction = fresh ? data.direction : null;
@@ -155,7 +158,8 @@ export class AcousticsCard {
       setNumber(this.numbers[i], row.text(data));
       setText(this.units[i], shownUnit(row.unit));
     });
-    this.showReceivers(Array.isArray(data.receivers) ? data.receivers : []);
+    const receivers = Array.isArray(data.receivers) ? data.receivers : [];
+    this.showReceivers(receivers.map((receiver) => receiver ?? {}));
     setText(this.message, messageText(data.message));
     setAttribute(this.message, 'title', data.raw_bits ? `Bits of the frame: ${data.raw_bits}` : null);
   }
