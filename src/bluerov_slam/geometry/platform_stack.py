@@ -1,0 +1,56 @@
+"""Forward kinematics of a stack of equal hexapod platforms: the positioner that is the thesis's truth (Fo-SHIP).
+
+All four platforms are set alike. Each moves its top plate by T in the frame of the plate beneath and turns it by R; the
+next stands on it. With M the orientation reached so far, x0 the foot of the first and d the height of a base:
+
+    p = x0, M = I;  four times  p += M (d + T), M = R M;  p += M tip
+
+R is a quarter of the stack's attitude (Euler angles yaw, pitch, roll in this order, each divided by four). Exact for
+one axis; for several it is what the positioner computes, and so what its logs mean. M = R M is the order of its code; a
+real stack turns about axes that turned before (M = M R), the same for equal platforms.
+
+Frame: x forward, y right, z down, origin at the base; millimetres, as its drawings. Source: thesis chapter 2. Check: at
+home the tip, the centre of the array, is at (110, 0, -648.38).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+PLATFORMS = 4
+_FOOT_MM = np.array([0.0, 0.0, -30.0])
+_BASE_MM = np.array([0.0, 0.0, -34.0])
+_HOME_MM = np.array([0.0, 0.0, -100.0])
+TIP_MM = np.array([110.0, 0.0, -82.38])
+
+
+def stack_tip_mm(translation_mm: Floats, attitude_rad: Floats, tip_mm: Floats = TIP_MM) -> Floats:
+    """Where the tip is, (n, 3).
+
+    Args:
+        translation_mm: of the whole stack from home, (n, 3); every platform does a quarter of it.
+        attitude_rad: of the uppermost plate, roll, pitch, yaw (n, 3).
+        tip_mm: in the frame of the uppermost plate.
+    """
+    turn = _rotations(attitude_rad / PLATFORMS)
+    lift = _BASE_MM + _HOME_MM + translation_mm / PLATFORMS
+    position = np.broadcast_to(_FOOT_MM, translation_mm.shape).copy()
+    reached = np.broadcast_to(np.eye(3), turn.shape)
+    for _ in range(PLATFORMS):
+        position += np.einsum("nij,nj->ni", reached, lift)
+        reached = turn @ reached
+    return np.asarray(position + reached @ tip_mm)
+
+
+def _rotations(attitude_rad: Floats) -> Floats:
+    """Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(attitude_rad).T, np.cos(attitude_rad).T
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.asarray(np.array(rows).transpose(2, 0, 1))
