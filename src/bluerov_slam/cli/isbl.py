@@ -8,7 +8,10 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS: dict[str, str] = {
+    "calibrate": "isbl_calibrate",
     "evaluate": "isbl_evaluate",
+    "heldout": "isbl_heldout",
+    "reproduce": "isbl_reproduce",
     "simulate": "isbl_simulate",
     "solve": "isbl_solve",
 }
