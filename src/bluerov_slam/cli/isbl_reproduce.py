@@ -25,9 +25,11 @@ def command(data_folder: Path, json_file: Path | None, report_file: Path | None)
 
     study = read_study(data_folder)
     click.echo("\n".join(f"{count:6d} {kind.value}" for kind, count in study.census.most_common()))
-    tell(reproduced_rows(study), json_file)
+    rows = reproduced_rows(study)
+    tell(rows, json_file)
     if report_file is not None:
+        from bluerov_slam.survey.thesis_parameters import shipped_parameters
         from bluerov_slam.survey.thesis_report import report_html
 
-        report_file.write_text(report_html(study), encoding="utf-8")
+        report_file.write_text(report_html(study, rows, shipped_parameters()), encoding="utf-8")
         click.echo(f"Wrote {report_file}")

@@ -18,8 +18,8 @@ from bluerov_slam.survey.acoustic_solve import (
     solved_json,
     steered_surface,
 )
-from bluerov_slam.survey.navigation_plots import figure_style, svg_text
-from bluerov_slam.survey.navigation_report import REPORT_CSS
+from bluerov_slam.survey.plot_style import STYLE, as_svg
+from bluerov_slam.survey.report_page import page_html
 
 MOST_FIGURES = 8
 
@@ -44,10 +44,7 @@ def solve_report(name: str, solved: Sequence[SolvedRecord], options: SolveOption
         f"<div class=facts>{cells}</div><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
         f"{''.join(figures[:MOST_FIGURES])}{left_out}"
     )
-    meta = '<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
-    title = escape(f"Acoustic records of {name}")
-    head = f"{meta}<title>{title}</title><style>{REPORT_CSS}</style>"
-    return f"<!doctype html><html lang=en><head>{head}</head><body>{body}</body></html>\n"
+    return page_html(f"Acoustic records of {name}", [body])
 
 
 _TITLES = (
@@ -78,9 +75,9 @@ def _row(number: int, solved: SolvedRecord) -> str:
 
 
 def _figures(number: int, solved: SolvedRecord, options: SolveOptions) -> str:
-    with matplotlib.rc_context(figure_style()):
+    with matplotlib.rc_context(STYLE):
         drawing = _draw(solved, options)
-        text = "" if drawing is None else svg_text(drawing)
+        text = "" if drawing is None else as_svg(drawing)
     caption = (
         "Left: the records. Middle: how well all receivers agree for a pulse from every direction in front of the "
         "array (1: as one); the cross is the direction found, the dot its mirror image where there is one. Right: "

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Callable
 from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -20,6 +18,7 @@ from bluerov_slam.records import NavMode, SensorTrust
 from bluerov_slam.survey.navigation_run import NavigationRun, SensorUpdates
 from bluerov_slam.survey.navigation_summary import NIS_FEW
 from bluerov_slam.survey.navigation_track import MODES, NavTrack
+from bluerov_slam.survey.plot_style import STYLE, as_svg
 from bluerov_slam.survey.track_files import ellipse_outline, rows_apart
 
 FloatArray = NDArray[np.float64]
@@ -54,19 +53,6 @@ _COMPONENTS = {
     "thrust": ("forward", "starboard", "down"),
     "dvl": ("forward", "starboard", "down"),
 }
-_STYLE: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "bluerov-slam",
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.color": "#d0d7de",
-    "grid.linewidth": 0.5,
-    "axes.edgecolor": "#8c959f",
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-}
 
 
 def draw(run: NavigationRun) -> dict[str, str]:
@@ -82,26 +68,12 @@ def draw(run: NavigationRun) -> dict[str, str]:
         "trust": _trust,
     }
     drawn = {}
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         for name, plot in plots.items():
             figure = plot(run)
             if figure is not None:
-                drawn[name] = svg_text(figure)
+                drawn[name] = as_svg(figure)
     return drawn
-
-
-def figure_style() -> Any:
-    """Settings of matplotlib that every plot of ours has."""
-    return _STYLE
-
-
-def svg_text(figure: Figure) -> str:
-    """A figure as SVG to be put into a page."""
-    FigureCanvasSVG(figure)
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": None})
-    text = stream.getvalue()
-    return text[text.index("<svg") :]
 
 
 def _track(run: NavigationRun) -> Figure | None:

@@ -14,6 +14,7 @@ from bluerov_slam.protocol.navigation_json import LABELS
 from bluerov_slam.records import SensorTrust
 from bluerov_slam.survey.navigation_run import NavigationRun
 from bluerov_slam.survey.navigation_summary import NIS_FITS, trust_periods
+from bluerov_slam.survey.report_page import figure_html, page_html
 
 _MOST_ROWS = 60
 _OPEN_ROWS = 12
@@ -30,25 +31,6 @@ _TRUST_WORDS = {
 }
 _SHOWN_VERSIONS = ("numpy", "matplotlib", "mcap")
 
-REPORT_CSS = """
-:root{color-scheme:light}*{box-sizing:border-box}
-body{margin:0 auto;max-width:60rem;padding:1.5rem 1rem 4rem;background:#fff;color:#1f2328;
-font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif}
-h1{font-size:1.6rem;margin:0 0 .25rem;overflow-wrap:anywhere}h2{font-size:1.2rem;margin:2.2rem 0 .5rem}
-p,li{max-width:46rem}.sub{color:#57606a;margin:0 0 1rem}
-.banner{border-left:4px solid #d4a72c;background:#fff8c5;padding:.6rem .9rem;margin:.8rem 0}
-.banner.bad{border-color:#cf222e;background:#ffebe9}
-.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem;margin:1rem 0}
-.facts div{border:1px solid #d0d7de;border-radius:6px;padding:.5rem .7rem}
-.facts b{display:block;font-size:1.15rem}.facts span{color:#57606a;font-size:.85rem}
-figure{margin:.8rem 0;overflow-x:auto}figure svg{max-width:100%;height:auto}
-figcaption{color:#57606a;font-size:.9rem;max-width:46rem}
-table{border-collapse:collapse;font-size:.9rem;display:block;overflow-x:auto}
-th,td{text-align:left;padding:.3rem .7rem .3rem 0;border-bottom:1px solid #d0d7de;vertical-align:top}
-td.n,th.n{text-align:right}details{margin:.8rem 0}summary{cursor:pointer}
-@media print{body{max-width:none}figure{break-inside:avoid}}
-"""
-
 
 def report_html(
     run: NavigationRun,
@@ -63,22 +45,18 @@ def report_html(
         _facts(summary),
         _in_short(summary),
         _section_track(run, summary, plots or {}),
-        _figure(plots, "depth", "Depth", "Below the surface. The band holds the true depth with 95 % probability."),
-        _figure(
+        figure_html(plots, "depth", "Depth", "Below the surface. The band holds the true depth with 95 % probability."),
+        figure_html(
             plots, "velocity", "Speed",
             "Over ground, and the current as far as it was found out. A wide band means that nothing measured the "
             "speed: it was inferred.",
         ),
-        _figure(plots, "attitude", "Heading, roll and pitch", "True heading, clockwise from north."),
+        figure_html(plots, "attitude", "Heading, roll and pitch", "True heading, clockwise from north."),
         _section_sensors(run, summary, plots),
         _section_events(summary),
         _section_settings(summary, options),
     ]  # fmt: skip
-    title = escape(f"Navigation of {_name(summary)}")
-    meta = '<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
-    head = f"{meta}<title>{title}</title>"
-    style = f"<style>{REPORT_CSS}</style>"
-    return f"<!doctype html><html lang=en><head>{head}{style}</head><body>{''.join(parts)}</body></html>\n"
+    return page_html(f"Navigation of {_name(summary)}", parts)
 
 
 def duration_words(seconds: float) -> str:
@@ -190,10 +168,10 @@ def _section_track(run: NavigationRun, summary: dict[str, Any], plots: dict[str,
         else ""
     )
     place = f"Origin {origin['latitude_deg']:.6f}, {origin['longitude_deg']:.6f} (WGS-84)."
-    error = _figure(
+    error = figure_html(
         plots or None, "error", "", "The long half-axis of the 95 % ellipse over time. Ticks at the bottom are fixes."
     )
-    return _figure(plots or None, "track", "Track", f"{caption} {place}") + error + table
+    return figure_html(plots or None, "track", "Track", f"{caption} {place}") + error + table
 
 
 def _section_sensors(run: NavigationRun, summary: dict[str, Any], plots: dict[str, str] | None) -> str:
@@ -213,16 +191,16 @@ def _section_sensors(run: NavigationRun, summary: dict[str, Any], plots: dict[st
         rows,
         "</table>",
         missing,
-        _figure(plots, "trust", "", "When each sensor was trusted."),
+        figure_html(plots, "trust", "", "When each sensor was trusted."),
         _trust_table(run),
-        _figure(
+        figure_html(
             plots,
             "innovations",
             "",
             "Differences from what was expected, in stated standard deviations. About 95 % should lie in the band; "
             "crosses were refused (drawn at 6 where they are larger).",
         ),
-        _figure(
+        figure_html(
             plots,
             "nis",
             "",
@@ -290,15 +268,6 @@ def _flat(prefix: str, value: object) -> list[tuple[str, str]]:
         pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
         return [row for name, inner in pairs for row in _flat(f"{prefix}.{name}" if prefix else name, inner)]
     return [(prefix, f"{value:g}" if isinstance(value, float) else str(value))]
-
-
-def _figure(plots: dict[str, str] | None, name: str, title: str, caption: str) -> str:
-    if not plots or name not in plots:
-        return ""
-    head = f"<h2>{escape(title)}</h2>" if title else ""
-    label = escape(title or name)
-    svg = plots[name].replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
-    return f"{head}<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _times(count: int) -> str:

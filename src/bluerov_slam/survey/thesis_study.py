@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -118,7 +118,7 @@ def _replay_rows(study: ThesisStudy) -> list[Row]:
     miss_mm = np.concatenate([each.acoustic_miss_mm[each.replayed] for each in replays])
     still = np.concatenate([study.replays[log.name].still_miss_mm for log in study.logs if log.motion == _STATIONARY])
     met = np.isfinite(still[:, 0])
-    sample = next(log for log in study.logs if log.motion == _STATIONARY and log.truth_valid)
+    sample = max((log for log in study.logs if log.motion == _STATIONARY), key=lambda log: log.test == 9)
     exchanged = replace(sample.rows, acoustic_mm=sample.rows.fused_mm, fused_mm=sample.rows.acoustic_mm)
     other = replay(replace(sample, rows=exchanged), study.replays[sample.name].period_s)
     return [
@@ -160,11 +160,10 @@ def _scores(
     lengths = [
         np.linalg.norm((positions_mm[session.name] - session.true_mm)[session.half(1)], axis=1) for session in sessions
     ]
-    statistics = {"rmse": _rms, "median": lambda v: float(np.median(v)), "p95": lambda v: float(np.quantile(v, 0.95))}
     draws = np.random.default_rng(0).integers(0, len(lengths), (_RESAMPLES, len(lengths)))
     resampled = [np.concatenate([lengths[k] for k in draw]) for draw in draws]
     rows = []
-    for figure, statistic in statistics.items():
+    for figure, statistic in _STATISTICS.items():
         must, aim = limits.get(figure, (None, None))
         low, high = np.quantile([statistic(each) for each in resampled], BAND)
         interval = Interval(statistic(np.concatenate(lengths)), float(low), float(high))
@@ -189,3 +188,14 @@ def _plain(place: str, name: str, value: float, unit: str, must: tuple[float | N
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values))
+
+
+def _p95(values: Floats) -> float:
+    return float(np.quantile(values, 0.95))
+
+
+_STATISTICS: dict[str, Callable[[Floats], float]] = {"rmse": _rms, "median": _median, "p95": _p95}

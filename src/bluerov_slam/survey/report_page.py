@@ -1,0 +1,42 @@
+"""The page of a report: one HTML file that needs nothing else, and figures in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+_CSS = """
+:root{color-scheme:light}*{box-sizing:border-box}
+body{margin:0 auto;max-width:60rem;padding:1.5rem 1rem 4rem;background:#fff;color:#1f2328;
+font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif}
+h1{font-size:1.6rem;margin:0 0 .25rem;overflow-wrap:anywhere}h2{font-size:1.2rem;margin:2.2rem 0 .5rem}
+p,li{max-width:46rem}.sub{color:#57606a;margin:0 0 1rem}
+.banner{border-left:4px solid #d4a72c;background:#fff8c5;padding:.6rem .9rem;margin:.8rem 0}
+.banner.bad{border-color:#cf222e;background:#ffebe9}
+.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem;margin:1rem 0}
+.facts div{border:1px solid #d0d7de;border-radius:6px;padding:.5rem .7rem}
+.facts b{display:block;font-size:1.15rem}.facts span{color:#57606a;font-size:.85rem}
+figure{margin:.8rem 0;overflow-x:auto}figure svg{max-width:100%;height:auto}
+figcaption{color:#57606a;font-size:.9rem;max-width:46rem}
+table{border-collapse:collapse;font-size:.9rem;display:block;overflow-x:auto}
+th,td{text-align:left;padding:.3rem .7rem .3rem 0;border-bottom:1px solid #d0d7de;vertical-align:top}
+td.n,th.n{text-align:right}details{margin:.8rem 0}summary{cursor:pointer}
+@media print{body{max-width:none}figure{break-inside:avoid}}
+"""
+
+
+def page_html(title: str, parts: Iterable[str]) -> str:
+    """The whole page; `parts` are HTML."""
+    meta = '<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
+    head = f"{meta}<title>{escape(title)}</title><style>{_CSS}</style>"
+    return f"<!doctype html><html lang=en><head>{head}</head><body>{''.join(parts)}</body></html>\n"
+
+
+def figure_html(plots: dict[str, str] | None, name: str, title: str, caption: str) -> str:
+    """A drawn plot by its name with heading and caption; nothing where it was not drawn."""
+    if not plots or name not in plots:
+        return ""
+    head = f"<h2>{escape(title)}</h2>" if title else ""
+    label = escape(title or name)
+    svg = plots[name].replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+    return f"{head}<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
