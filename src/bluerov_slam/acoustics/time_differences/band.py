@@ -26,7 +26,7 @@ NOISE_HZ = (100e3, 300e3)
 TAPER_SHARE = 0.01
 """Of a window, for both flanks: keeps the edges' scatter out of the noise's band."""
 
-STEPS_PER_BAND = 16
+STEPS_PER_BAND = 8
 """Samples of an envelope for each 1 / bandwidth: fine enough to interpolate linearly (error below 0.1 %)."""
 
 

@@ -216,7 +216,7 @@ def _joint(
     values = seeker.equalised(spectra.values, spectra.frequencies_hz)
     found = seeker.seek(spectra, values, joint.FREEDOM)
     begun = onsets_s(spectra, values)
-    early = None if begun is None else seeker.seek_early(begun)
+    early = None if begun is None else seeker.seek_early(begun, found)
     judged = early or found
     exchanged = None if judged is None or judged.cells.free_s is None else seeker.exchanged(judged.cells.free_s)
     if exchanged is not None:
@@ -312,18 +312,17 @@ class _Seeker:
         windows = common_windows(self.record.samples, self.record.sample_rate_hz, start)
         return self._placed(cells, windows)
 
-    def seek_early(self, begun_s: Array) -> _Found | None:
-        """From what follows the onset: first about each record's own, then about the common one, the cell known."""
+    def seek_early(self, begun_s: Array, whole: _Found | None) -> _Found | None:
+        """From what follows the onset: the cell from about each record's own, the place from about the common one."""
         samples, rate = self.record.samples, self.record.sample_rate_hz
-        for _ in range(2):
-            part, effective = early_part(samples, rate, begun_s)
-            spectra = BandSpectra.of(part, rate)
-            cells = self.cells(spectra, self.equalised(spectra.values, spectra.frequencies_hz), joint.EARLY_FREEDOM)
-            if not len(cells.arrivals_s):
-                return None
-            begun_s = cells.arrivals_s[0] + np.median(begun_s - cells.arrivals_s[0])
+        spectra = BandSpectra.of(early_part(samples, rate, begun_s)[0], rate)
+        cells = self.cells(spectra, self.equalised(spectra.values, spectra.frequencies_hz), joint.EARLY_FREEDOM)
+        if not len(cells.arrivals_s):
+            return None
+        start = cells.arrivals_s[0]
+        part, effective = early_part(samples, rate, start + np.median(begun_s - start))
         wide = BandSpectra.of(part, rate, WIDE_BAND_HZ)
-        snr_db = common_windows(samples, rate, cells.arrivals_s[0]).snr_db
+        snr_db = (common_windows(samples, rate, start) if whole is None else whole.quality).snr_db
         windows = Windows(wide.values, wide.frequencies_hz, effective, wide.size, snr_db)
         return self._placed(cells, windows)
 

@@ -32,13 +32,13 @@ ComplexArray = NDArray[np.complex128]
 LAG_MARGIN = 1.02
 """Physical limits are widened by this: sound speed and positions are not exact."""
 
-CANDIDATES = 24
+CANDIDATES = 20
 """In-phase lags kept per receiver: the 20 cells about the right one, and those of the bits before and after."""
 
-BEAM = 48
+BEAM = 20
 """Combinations kept from receiver to receiver."""
 
-CELLS = 12
+CELLS = 10
 """Combinations placed exactly and told as alternatives."""
 
 LEAST_OVERLAP = 0.25
@@ -46,6 +46,9 @@ LEAST_OVERLAP = 0.25
 
 END_S = 0.1e-3
 """Left out at both ends of a record when cells are compared: the band's filter rings so long."""
+
+SUM_STRIDE = 3
+"""Energies are summed over every third sample of an envelope: that is still twice the band's rate."""
 
 NEAREST_RANGE_IN_APERTURES = 2.0
 """A source is at least so many times the array's largest extent away."""
@@ -157,7 +160,7 @@ class PairCoherence:
         part = (place - whole)[:, :, None]
         margin = int(np.ceil(END_S / self.step_s))
         counts = self.length - 2 * margin - whole.max(axis=1) - 1
-        times = np.arange(max(1, int(counts.max())))
+        times = np.arange(0, max(1, int(counts.max())), SUM_STRIDE)
         within = times < counts[:, None, None]
         rows = np.arange(self.count)[None, :, None]
         at = np.where(within, margin + whole[:, :, None] + times, 0)
@@ -167,7 +170,7 @@ class PairCoherence:
         energy = np.sum(np.abs(taken) ** 2, axis=2)
         together = np.sum(taken / np.sqrt(np.maximum(energy, 1e-300))[:, :, None], axis=1)
         mean: Array = (np.sum(np.abs(together) ** 2, axis=1) / self.count - 1.0) / (self.count - 1)
-        whole_energy = np.sum(np.abs(self.records[:, : self.length]) ** 2, axis=1)
+        whole_energy = np.sum(np.abs(self.records[:, : self.length : SUM_STRIDE]) ** 2, axis=1)
         share: Array = np.mean(energy / np.maximum(whole_energy, 1e-300), axis=1)
         return mean, share
 

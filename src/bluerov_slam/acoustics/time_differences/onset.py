@@ -46,8 +46,14 @@ def onsets_s(spectra: BandSpectra, values: ComplexArray) -> Array | None:
 
 
 def early_part(samples: Array, sample_rate_hz: float, onsets: Array) -> tuple[Array, float]:
-    """Records (n, samples) faded out after the onset, and how many samples that leaves (by the square)."""
-    since = np.arange(samples.shape[1]) / sample_rate_hz - onsets[:, None]
+    """What follows the onsets (n,) of records (n, samples), faded out, and how many samples that is (by the square).
+
+    Nothing but the records' common beginning is cut off with what is faded out: delays stay what they are.
+    """
+    first = max(0, int((onsets.min() - LEAD_S) * sample_rate_hz))
+    last = int(np.ceil((onsets.max() + LENGTH_S + FALL_S) * sample_rate_hz))
+    part = samples[:, first:last]
+    since = (first + np.arange(part.shape[1])) / sample_rate_hz - onsets[:, None]
     gate = np.clip((since + LEAD_S) / RISE_S, 0.0, 1.0)
     gate *= 0.5 + 0.5 * np.cos(np.pi * np.clip((since - LENGTH_S) / FALL_S, 0.0, 1.0))
-    return samples * gate, float(np.mean(np.sum(gate**2, axis=1)))
+    return part * gate, float(np.mean(np.sum(gate**2, axis=1)))
