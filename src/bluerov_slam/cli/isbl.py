@@ -9,6 +9,7 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS: dict[str, str] = {
     "calibrate": "isbl_calibrate",
+    "calibrate-array": "isbl_calibrate_array",
     "evaluate": "isbl_evaluate",
     "heldout": "isbl_heldout",
     "reproduce": "isbl_reproduce",
