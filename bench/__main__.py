@@ -19,6 +19,7 @@ MODULES = (
     "navigation_filter",
     "attitude",
     "simulated_dive",
+    "acoustic_records",
 )
 RESULTS = Path(__file__).parent / "results.json"
 

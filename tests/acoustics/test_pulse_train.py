@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import bilinear, lfilter
 
 from bluerov_slam.acoustics.pulse_train import (
     NOMINAL_STEP_S,
@@ -88,3 +89,20 @@ def test_active_damping_shortens_the_ringing():
     at = int(32 * train.step_s * RATE_HZ)
     # After the last burst an undamped 14-cycle tone rings at its full height; the damped one is far below its peak.
     assert damped[at : at + 22].max() < 0.35
+
+
+def test_the_template_is_the_wave_that_filters_in_time_make():
+    fine = 16
+    rate_hz = fine * RATE_HZ
+    train = PulseTrain.at_carrier((1, 0, 1), 39_825.0)
+    template = pulse_template(train, RATE_HZ).samples
+    time_s = np.arange(fine * len(template)) / rate_hz
+    steps = np.append(drive_steps(train.bits), 0).astype(float)
+    wave = steps[np.minimum((time_s / train.step_s).astype(int), len(steps) - 1)]
+    chain = ReceptionChain()
+    for centre_hz, q in ((chain.transducer_hz, chain.transducer_q), (chain.receiver_hz, chain.receiver_q)):
+        omega = 2.0 * np.pi * centre_hz
+        wave = lfilter(*bilinear([omega / q, 0.0], [1.0, omega / q, omega**2], rate_hz), wave)
+    low, high = 2.0 * np.pi * chain.band_low_hz, 2.0 * np.pi * chain.band_high_hz
+    wave = lfilter(*bilinear([high, 0.0], np.polymul([1.0, low], [1.0, high]), rate_hz), wave)[::fine]
+    assert np.abs(wave / np.abs(wave).max() - template).max() < 0.01
