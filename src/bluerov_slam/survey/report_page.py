@@ -20,7 +20,7 @@ figure{margin:.8rem 0;overflow-x:auto}figure svg{max-width:100%;height:auto}
 figcaption{color:#57606a;font-size:.9rem;max-width:46rem}
 table{border-collapse:collapse;font-size:.9rem;display:block;overflow-x:auto}
 th,td{text-align:left;padding:.3rem .7rem .3rem 0;border-bottom:1px solid #d0d7de;vertical-align:top}
-td.n,th.n{text-align:right}details{margin:.8rem 0}summary{cursor:pointer}
+td.n,th.n{text-align:right}td.n{white-space:nowrap}details{margin:.8rem 0}summary{cursor:pointer}
 @media print{body{max-width:none}figure{break-inside:avoid}}
 """
 
