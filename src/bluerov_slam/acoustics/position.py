@@ -36,10 +36,13 @@ LARGEST_RANGE_SHARE = 0.5
 INVERSE_RANGE_PRIOR = 0.25
 """Without depth and range: standard deviation of 1/range in units of 1/aperture. Sources lie outside the array."""
 
-STEP_TOLERANCE = 1e-11
-"""The search ends when a step turns the direction (rad) and changes the scaled inverse range by less."""
+STEP_TOLERANCE = 1e-8
+"""The search ends when a step turns the direction (rad) and changes the scaled inverse range by less: the next one
+would be smaller by orders of magnitude."""
 
 MOST_ITERATIONS = 60
+CLEARLY_STD, CLEARLY_OFF = 10.0, 0.2
+"""A depth that is zero only by so many standard deviations, and a direction so far (sine) on the other side of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,41 +236,66 @@ class _Problem:
 
     def predict(self, direction: Array, w: float) -> tuple[Array, Array, Array]:
         """Path differences (k-1,), their gradient across the direction (k-1, 3) and by w (k-1,)."""
-        along = self.receivers @ direction
-        s = np.sqrt(1.0 - 2.0 * w * along + w * w * self.squares)
-        total = s[0] + s[1:]
-        squares = self.squares[0] - self.squares[1:]
-        difference = (2.0 * (along[1:] - along[0]) + w * squares) / total
+        difference, s, along = self._differences(direction, w)
         scaled = self.receivers / s[:, None]
         slope = (w * self.squares - along) / s
-        return difference, scaled[1:] - scaled[0], (squares - difference * (slope[0] + slope[1:])) / total
+        by_w = (self.squares[0] - self.squares[1:] - difference * (slope[0] + slope[1:])) / (s[0] + s[1:])
+        return difference, scaled[1:] - scaled[0], by_w
 
     def linearise(self, direction: Array, w: float, basis: Array) -> tuple[Array, Array]:
         """Normalised residuals (measured minus predicted) and their Jacobian of the prediction (m, 3)."""
         difference, across, by_w = self.predict(direction, w)
-        rows = [self.whitener @ np.column_stack((across @ basis, by_w))]
-        residuals = [self.whitener @ (self.measured - difference)]
+        count = len(self.measured)
+        jacobian = np.empty((count + self.extra, 3))
+        block = np.empty((count, 3))
+        block[:, :2] = across @ basis
+        block[:, 2] = by_w
+        jacobian[:count] = self.whitener @ block
+        residuals = self._residuals(difference, direction, w)
+        row = count
         if self.depth is not None:
-            value, std = self.depth
-            along = float(direction @ self.down)
-            rows.append(np.append(self.down @ basis / w, -along / (w * w))[None] / std)
-            residuals.append(np.array([(value - along / w) / std]))
+            std = self.depth[1]
+            jacobian[row, :2] = self.down @ basis / (w * std)
+            jacobian[row, 2] = -float(direction @ self.down) / (w * w * std)
+            row += 1
         if self.range_ is not None:
-            value, std = self.range_
-            rows.append(np.array([[0.0, 0.0, -1.0 / (w * w * std)]]))
-            residuals.append(np.array([(value - 1.0 / w) / std]))
+            jacobian[row] = (0.0, 0.0, -1.0 / (w * w * self.range_[1]))
         if not self.ranged:
-            std = INVERSE_RANGE_PRIOR / self.aperture
-            rows.append(np.array([[0.0, 0.0, 1.0 / std]]))
-            residuals.append(np.array([-w / std]))
-        return np.concatenate(residuals), np.concatenate(rows)
+            jacobian[row] = (0.0, 0.0, self.aperture / INVERSE_RANGE_PRIOR)
+        return residuals, jacobian
 
     def cost(self, direction: Array, w: float) -> float:
         """The sum of squared normalised residuals; infinite inside the array and behind infinity of a ranged source."""
         if (self.ranged and w < 1e-7) or abs(w) * self.aperture > 20.0:
             return math.inf
-        residuals, _ = self.linearise(direction, w, np.zeros((3, 2)))
+        residuals = self._residuals(self._differences(direction, w)[0], direction, w)
         return float(residuals @ residuals)
+
+    @property
+    def extra(self) -> int:
+        """Rows besides the delays: depth, range, or the prior in their place."""
+        return (self.depth is not None) + (self.range_ is not None) if self.ranged else 1
+
+    def _differences(self, direction: Array, w: float) -> tuple[Array, Array, Array]:
+        """Path differences (k-1,), s (k,) and receivers along the direction (k,)."""
+        along = self.receivers @ direction
+        s = np.sqrt(1.0 - 2.0 * w * along + w * w * self.squares)
+        numerator = 2.0 * (along[1:] - along[0]) + w * (self.squares[0] - self.squares[1:])
+        return numerator / (s[0] + s[1:]), s, along
+
+    def _residuals(self, difference: Array, direction: Array, w: float) -> Array:
+        count = len(self.measured)
+        residuals = np.empty(count + self.extra)
+        residuals[:count] = self.whitener @ (self.measured - difference)
+        row = count
+        if self.depth is not None:
+            residuals[row] = (self.depth[0] - float(direction @ self.down) / w) / self.depth[1]
+            row += 1
+        if self.range_ is not None:
+            residuals[row] = (self.range_[0] - 1.0 / w) / self.range_[1]
+        if not self.ranged:
+            residuals[row] = -w * self.aperture / INVERSE_RANGE_PRIOR
+        return residuals
 
 
 def _starts(problem: _Problem, sought: Array | None) -> list[tuple[Array, float]]:
@@ -330,10 +358,10 @@ def _search(problem: _Problem, direction: Array, w: float) -> _State:
             moved = w + float(step[2])
             after = problem.cost(turned, moved)
             small = abs(step[0]) + abs(step[1]) + abs(step[2]) / (scale if not problem.ranged else abs(w))
-            if after <= cost or (small < 1e-9 and after <= cost * (1.0 + 1e-9) + 1e-12):
+            if after <= cost or (small < STEP_TOLERANCE and after <= cost * (1.0 + 1e-9) + 1e-12):
                 direction, w, cost = turned, moved, after
                 damping *= 0.1
-                converged = small < STEP_TOLERANCE or (damping < 1e-12 and small < 1e-9)
+                converged = small < STEP_TOLERANCE
                 break
             if small < STEP_TOLERANCE:
                 converged = True
@@ -350,7 +378,10 @@ def _search(problem: _Problem, direction: Array, w: float) -> _State:
 
 def _best(problem: _Problem, sought: Array | None, front: Array) -> tuple[_State, Array | None] | None:
     """The better of the solutions on both sides of the array; with both as good, the sought or the front one."""
-    states = [_search(problem, *start) for start in _starts(problem, sought)]
+    starts = _starts(problem, sought)
+    # On the wrong side of the depth's origin by far there is nothing to search for.
+    promising = [start for start in starts if not _hopeless(problem, start[0])]
+    states = [_search(problem, *start) for start in promising or starts]
     states = [state for state in states if math.isfinite(state.cost) and state.converged]
     if not states:
         return None
@@ -365,6 +396,14 @@ def _best(problem: _Problem, sought: Array | None, front: Array) -> tuple[_State
     if float(other.direction @ wanted) > float(best.direction @ wanted):
         best, other = other, best
     return best, other.direction
+
+
+def _hopeless(problem: _Problem, direction: Array) -> bool:
+    """Whether a depth lies clearly on the other side of the array than a direction."""
+    if problem.depth is None:
+        return False
+    value, std = problem.depth
+    return abs(value) > CLEARLY_STD * std and float(direction @ problem.down) * math.copysign(1.0, value) < -CLEARLY_OFF
 
 
 def _judge(

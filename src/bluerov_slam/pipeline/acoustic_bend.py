@@ -25,7 +25,9 @@ LONGEST_GAP_M: Final = 2.0
 PER_METRE_MPS: Final = 0.5
 LARGEST_CHANGE_MPS: Final = 5.0
 """What the sound speed may change by in water that was not sampled, one sigma: half a weak thermocline."""
-SHARING_PULSES: Final = 9.0
+SEEN_SHARE: Final = 0.7
+"""Water that has changed by so much where it was sampled may go on changing: this share of it, if that is more."""
+SHARING_PULSES: Final = 16.0
 """A profile that is off is off for minutes: so many pulses in a row have the same error."""
 LARGEST_BEND_STD_RAD: Final = 0.3
 KEPT_M: Final = 1.0
@@ -62,23 +64,23 @@ class AcousticBend:
         places = np.flatnonzero(self._counts)
         rise = abs(beacon - vehicle)
         if not len(places):
-            return 0.0, _doubt(rise, rise, range_m)
+            return 0.0, _doubt(rise, rise, range_m, 0.0)
         depth, speed = (places + 0.5) * BIN_M, self._sums[places] / self._counts[places]
         bottom = max(vehicle, beacon, float(depth[-1])) + BIN_M
         try:
             profile = SoundProfile.of_samples(depth, speed, bottom, LONGEST_GAP_M)
             bend = bend_rad(profile, beacon, vehicle, range_m)
         except OutOfValidityError:
-            return 0.0, _doubt(rise, rise, range_m)
+            return 0.0, _doubt(rise, rise, range_m, 0.0)
         unknown_m = profile.guessed(vehicle, beacon) * rise
         if bend is None:
             # No direct ray: what arrives has been reflected, or the profile is wrong. Its elevation says nothing.
             return 0.0, LARGEST_BEND_STD_RAD
-        return bend, _doubt(unknown_m, rise, range_m)
+        return bend, _doubt(unknown_m, rise, range_m, float(np.ptp(speed)))
 
 
-def _doubt(unknown_m: float, rise_m: float, range_m: float) -> float:
+def _doubt(unknown_m: float, rise_m: float, range_m: float, seen_mps: float) -> float:
     """A change dc spread evenly over the rise turns the ray by dc R / (2 c rise), in a step up to twice that."""
-    change = min(PER_METRE_MPS * unknown_m, LARGEST_CHANGE_MPS)
-    bend = 0.75 * change * range_m / (1500.0 * max(rise_m, 1.0))
+    change = min(PER_METRE_MPS * unknown_m, max(LARGEST_CHANGE_MPS, SEEN_SHARE * seen_mps))
+    bend = 1.5 * change * range_m / (1500.0 * max(rise_m, 1.0))
     return min(math.sqrt(SHARING_PULSES) * bend, LARGEST_BEND_STD_RAD)
