@@ -274,6 +274,22 @@ def test_the_transmitter_tells_its_place_by_board_or_in_a_record() -> None:
     assert only(pipeline.feed(reading(at_s=1012.0))).beacon_source == "message"
 
 
+def test_two_transmitters_give_no_fix_while_both_are_heard() -> None:
+    pipeline = AcousticPipeline(OPTIONS)
+    places = ((20.0, 5.0, -8.0), (10.0, -18.0, -6.0))
+    fixes = []
+    for k in range(20):
+        pipeline.observe(state(10.0 + k))
+        fixes.append(only(pipeline.feed(reading(places[k % 2], at_s=10.0 + k))))
+    assert all(fix.accepted for fix in fixes[:5])
+    assert not any(fix.accepted or fix.position_deg for fix in fixes[8:])
+    assert "two transmitters" in fixes[-1].reason
+    for k in range(20, 45):  # one is switched off
+        pipeline.observe(state(10.0 + k))
+        fixes.append(only(pipeline.feed(reading(places[0], at_s=10.0 + k))))
+    assert fixes[-1].accepted
+
+
 def test_the_same_records_give_the_same_fixes() -> None:
     def run() -> list[AcousticFix | AcousticMessage]:
         pipeline, fixes = AcousticPipeline(OPTIONS), []

@@ -79,7 +79,7 @@ class AcousticWatch:
         if silent_s > NO_PULSES_S:
             return AcousticWords(AcousticState.FAULT, f"No pulses for {_duration(silent_s)}", _CHECKS)
         recent = list(self._fixes)[-RECENT:]
-        if self._two_transmitters():
+        if self.hears_two():
             return AcousticWords(
                 AcousticState.FAULT,
                 "The direction jumps between two places",
@@ -98,11 +98,12 @@ class AcousticWatch:
             return AcousticWords(AcousticState.OK, "Heard; direction and range are known")
         return AcousticWords(AcousticState.OK, "Heard; the position rests on its direction and the depth")
 
-    def _two_transmitters(self) -> bool:
+    def hears_two(self) -> bool:
+        """Whether the direction goes to and fro between two places: two transmitters, or one and its echo."""
         directions = [
             (fix.azimuth_rad, fix.elevation_rad)
             for fix in self._fixes
-            if fix.accepted and fix.azimuth_rad is not None and fix.elevation_rad is not None
+            if fix.azimuth_rad is not None and fix.elevation_rad is not None
         ]
         if len(directions) < TURNS + 2:
             return False

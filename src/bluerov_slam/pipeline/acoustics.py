@@ -20,6 +20,7 @@ from bluerov_slam.pipeline.acoustic_beacon import Beacons
 from bluerov_slam.pipeline.acoustic_delays import count_mismatch, differences_of, with_slips
 from bluerov_slam.pipeline.acoustic_options import AcousticOptions
 from bluerov_slam.pipeline.acoustic_position import Poses, direction_of, place, solve_direction
+from bluerov_slam.pipeline.acoustic_watch import AcousticWatch
 from bluerov_slam.records import (
     AcousticFix,
     AcousticMessage,
@@ -60,6 +61,8 @@ SOUND_SPEED_KEPT_S: Final = 600.0
 SOUND_SPEEDS_MPS: Final = (300.0, 1700.0)
 AMBIGUOUS_TEXT: Final = "a receiver may be wrong by one period of the carrier, and nothing tells which"
 
+TWO_TEXT: Final = "the direction jumps between two places: two transmitters, or one and its echo"
+
 Heard = AcousticFix | AcousticMessage
 
 
@@ -72,6 +75,7 @@ class AcousticPipeline:
         self._beacons = Beacons(self.options)
         self._sound_speed: tuple[float, float] | None = None
         self._swaps = SwapWatch(self.options.array)
+        self._watch = AcousticWatch()
         self._judged_s: deque[float] = deque(maxlen=PULSES_KEPT)
 
     def observe(self, state: NavState) -> None:
@@ -93,6 +97,17 @@ class AcousticPipeline:
         return []
 
     def _new(self, fix: AcousticFix) -> list[Heard]:
+        self._watch.observe(fix)
+        if fix.accepted and self._watch.hears_two():
+            fix = replace(
+                fix,
+                accepted=False,
+                reason=TWO_TEXT,
+                range_m=None,
+                range_std_m=None,
+                position_deg=None,
+                covariance_ned_m2=None,
+            )
         if fix.accepted:
             self._judged_s.append(fix.measured_s)
         return [fix]

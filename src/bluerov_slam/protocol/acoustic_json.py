@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 SURE: Final = 0.01
 AMBIGUOUS: Final = 0.2
 _MICROSECONDS: Final = 1e6
+_DELAYS_THAT_CAN_DISAGREE: Final = 3
 _STATES: Final = ("dead", "silent", "clipped")
 
 
@@ -49,7 +50,7 @@ def fix_json(fix: AcousticFix | None, receivers: int = 0) -> dict[str, Any]:
         "range_m": _rounded(fix.range_m, 2),
         "range_std_m": _rounded(fix.range_std_m, 2),
         "delays_us": [_rounded(value * _MICROSECONDS, 3) for value in fix.delays_s],
-        "residuals_us": [_rounded(value * _MICROSECONDS, 3) for value in fix.residuals_s],
+        "residuals_us": _residuals_us(fix),
         "slip": _slip(fix.slip_probability),
         "receivers": [receiver_json(index, fix) for index in range(count)],
         "sound_speed_mps": _rounded(fix.sound_speed_mps, 1),
@@ -74,6 +75,13 @@ def receiver_json(index: int, fix: AcousticFix | None) -> dict[str, Any]:
         "state": state,
         "reason": "" if state == "used" else reason or fix.reason,
     }
+
+
+def _residuals_us(fix: AcousticFix) -> list[float | None]:
+    """Two delays have exactly one direction: that they fit it says nothing."""
+    if len(fix.delays_s) < _DELAYS_THAT_CAN_DISAGREE:
+        return []
+    return [_rounded(value * _MICROSECONDS, 3) for value in fix.residuals_s]
 
 
 def _direction(fix: AcousticFix) -> dict[str, Any] | None:
