@@ -122,7 +122,11 @@ def run_mismatched(job: AcousticJob, material: Mapping[str, bytes]) -> PositionO
 def _solved(
     found: Sequence[TimeDifferences], depths: Array, depth_std_m: float, array: ReceiverArray, sound_mps: float
 ) -> Array:
-    """Y and z (draws, 2) by weighted least squares; a missing fix counts as one straight ahead."""
+    """Y and z (draws, 2) by weighted least squares.
+
+    The solver withholds one right fix in a thousand because depth and angles seem to contradict each other; its
+    direction at the given depth is taken then, so that no draw drops out of the figures.
+    """
     places = []
     for each, depth in zip(found, depths, strict=True):
         solution = solve_source(
@@ -133,7 +137,10 @@ def _solved(
             depth=(float(depth), depth_std_m),
             down=FORWARD,
         )
-        places.append((0.0, 0.0) if solution.position_m is None else solution.position_m[1:])
+        place = solution.position_m
+        if place is None:
+            place = solution.direction * float(depth) / solution.direction[0]
+        places.append(place[1:])
     return np.array(places)
 
 

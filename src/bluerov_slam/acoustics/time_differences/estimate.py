@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from bluerov_slam.acoustics.time_differences import joint, pairwise
 from bluerov_slam.acoustics.time_differences.band import WIDE_BAND_HZ, BandSpectra, Windows, common_windows
 from bluerov_slam.acoustics.time_differences.checks import check_receivers
 from bluerov_slam.acoustics.time_differences.onset import early_part, onsets_s
+from bluerov_slam.acoustics.time_differences.pickup import remove_common_line
 from bluerov_slam.acoustics.time_differences.result import DelayPrior, TimeDifferences
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ Method = Literal["thesis", "parabola", "band_limited", "matched", "phat", "envel
 METHODS: tuple[Method, ...] = ("thesis", "parabola", "band_limited", "matched", "phat", "envelope", "joint")
 
 UNCALIBRATED_STD_S = 0.6e-6
-"""Arrival error of a receiver of unknown response: half a per cent of resonance at a quality of 16."""
+"""Arrival error of a receiver of unknown response: one per cent of resonance at a quality of 16 (simulated)."""
 
 LEAST_MISFIT_S = 0.2e-6
 """Delays of a cell may miss a source's by this: before they are placed exactly they are good to the lag's grid."""
@@ -211,17 +212,24 @@ def _joint(
     responses: ReceiverResponses | None,
     excluded: tuple[tuple[int, str], ...],
 ) -> TimeDifferences:
-    seeker = _Seeker.of(record, prior, responses)
     spectra = BandSpectra.of(record.samples, record.sample_rate_hz)
+    begun = onsets_s(spectra, spectra.values, float(record.limits_s.max()))
+    remark = ""
+    if begun is not None:
+        cleaned = remove_common_line(record.samples, record.sample_rate_hz, begun)
+        remark = cleaned.remark
+        if cleaned.samples is not record.samples:
+            record = replace(record, samples=cleaned.samples)
+            spectra = BandSpectra.of(record.samples, record.sample_rate_hz)
+    seeker = _Seeker.of(record, prior, responses)
     values = seeker.equalised(spectra.values, spectra.frequencies_hz)
     found = seeker.seek(spectra, values, joint.FREEDOM)
-    begun = onsets_s(spectra, values)
     early = None if begun is None else seeker.seek_early(begun, found)
     judged = early or found
     exchanged = None if judged is None or judged.cells.free_s is None else seeker.exchanged(judged.cells.free_s)
     if exchanged is not None:
         return nothing(record.count, (*excluded, *exchanged))
-    onset_only = early is not None and (found is None or seeker.contradict(found, early))
+    onset_only = early is not None and early.sure and (found is None or seeker.contradict(found, early))
     if onset_only:
         found = early
     if found is None:
@@ -249,6 +257,7 @@ def _joint(
         excluded,
         float(np.sqrt(np.mean(residual**2))),
         onset_only,
+        remark,
     )
 
 
@@ -259,6 +268,11 @@ class _Found:
     cells: joint.Cells
     arrivals_s: Array
     quality: _Quality
+
+    @property
+    def sure(self) -> bool:
+        """Whether the best cell is likelier than all others together."""
+        return bool(self.probability[0] > 0.5)
 
     @property
     def probability(self) -> Array:

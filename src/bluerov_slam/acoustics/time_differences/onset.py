@@ -19,7 +19,10 @@ ONSET_SHARE = 0.1
 """Of the highest envelope, at which the pulse counts as begun."""
 
 ONSET_OVER_NOISE = 3.0
-QUIET_S = 0.1e-3
+UNSURE_S = 0.15e-3
+"""By this, onsets may differ more than delays do."""
+
+QUIET_S = 0.15e-3
 """A record that is quiet for so long at its beginning holds the onset."""
 
 LENGTH_S, FALL_S = 0.40e-3, 0.15e-3
@@ -28,12 +31,16 @@ LENGTH_S, FALL_S = 0.40e-3, 0.15e-3
 LEAD_S, RISE_S = 0.06e-3, 0.03e-3
 
 
-def onsets_s(spectra: BandSpectra, values: ComplexArray) -> Array | None:
-    """When the pulse begins in each record (n,), to some 30 us; None where a record does not hold its beginning."""
+def onsets_s(spectra: BandSpectra, values: ComplexArray, longest_s: float) -> Array | None:
+    """When the pulse begins in each record (n,), to some 30 us; None where a record does not hold its beginning.
+
+    `longest_s`: the longest delay that two receivers can have.
+    """
     length = round(spectra.points * spectra.samples / spectra.size)
     envelopes = np.abs(spectra.envelopes(values))[:, :length]
-    quiet = max(2, round(QUIET_S / spectra.step_s))
-    noise = np.sqrt(np.mean(envelopes[:, :quiet] ** 2, axis=1))
+    quiet = max(4, round(QUIET_S / spectra.step_s))
+    # The band's filter fades in at the very beginning.
+    noise = np.sqrt(np.mean(envelopes[:, quiet // 2 : quiet] ** 2, axis=1))
     highest = envelopes.max(axis=1)
     threshold = np.maximum(ONSET_SHARE * highest, ONSET_OVER_NOISE * noise)
     if np.any(threshold > 0.6 * highest):
@@ -42,7 +49,7 @@ def onsets_s(spectra: BandSpectra, values: ComplexArray) -> Array | None:
     if np.any(above[:, :quiet]):
         return None
     first: Array = np.argmax(above, axis=1) * spectra.step_s
-    return first
+    return first if np.ptp(first) <= longest_s + UNSURE_S else None
 
 
 def early_part(samples: Array, sample_rate_hz: float, onsets: Array) -> tuple[Array, float]:

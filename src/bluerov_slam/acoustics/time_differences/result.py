@@ -45,6 +45,8 @@ class TimeDifferences:
     """How far the delays miss those of any source (RMS): near zero with identical receivers; NaN if nothing is over."""
     onset_only: bool = False
     """Whether the part after the onset alone was used because an echo follows."""
+    remark: str = ""
+    """What else was found in the record and did not prevent an answer, as common pick-up."""
 
     @property
     def usable(self) -> bool:
