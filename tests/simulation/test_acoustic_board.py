@@ -9,10 +9,19 @@ from bluerov_slam.acoustics.message.report import BeaconReport
 from bluerov_slam.acoustics.receiver_faults import Fault, examine_record, find_swapped
 from bluerov_slam.clock import DeviceClock
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.pipeline.link_decoder import LinkDecoder
 from bluerov_slam.protocol.acoustic_messages import NO_DELAY_NS, unpack_message, unpack_record_chunk, unpack_tdoa
 from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType
-from bluerov_slam.simulation.acoustic_board import VirtualAcousticBoard, acoustic_board, rotation_frd_array
+from bluerov_slam.records import LinkBytes, TimeDifferenceReading
+from bluerov_slam.simulation.acoustic_board import (
+    VirtualAcousticBoard,
+    acoustic_board,
+    fitted_array,
+    rotation_frd_array,
+)
 from bluerov_slam.simulation.acoustic_plan import ERROR_SETS, AcousticPlan, acoustic_plan_from_mapping
+from bluerov_slam.simulation.dive import SimulatedDive
+from bluerov_slam.simulation.dive_plan import dive_plan_from_mapping
 from bluerov_slam.simulation.scenario import SCENARIOS, scenario_from_mapping
 from bluerov_slam.simulation.scene import SimulatedScene
 from bluerov_slam.simulation.virtual_esp32 import VirtualEsp32
@@ -275,3 +284,34 @@ def test_two_beacons_are_heard_in_turn(scene):
 def test_a_fault_that_makes_no_sense_is_named(fault):
     with pytest.raises(ConfigError, match="is none of dead N"):
         AcousticPlan(faults=(fault,))
+
+
+def test_a_whole_dive_has_the_array_on_the_esp32_s_line():
+    plan = dive_plan_from_mapping({"base": "beacon", "legs": 1, "leg_m": 12.0, "afloat_first_s": 5.0})
+    plan = replace(plan, acoustics=replace(plan.acoustics, pulse_period_s=1.0, errors="none"))
+    dive = SimulatedDive(plan, 3)
+    decoder = LinkDecoder()
+    readings = [
+        record
+        for received in dive.inputs()
+        if isinstance(received, LinkBytes)
+        for record in decoder.feed(received.data, received.arrived_s)
+        if isinstance(record, TimeDifferenceReading)
+    ]
+    assert len(readings) > 0.8 * plan.duration_s
+    array, mounting = fitted_array(plan.acoustics), rotation_frd_array(plan.acoustics)
+    for reading in readings[20::10]:
+        # The pulse is under way for hundredths of a second; the vehicle turns by hundredths of a degree meanwhile.
+        truth = dive.truth.at(reading.measured_s)
+        centre_m = truth.position_ned_m + truth.rotation_ned_frd @ plan.acoustics.lever_arm_frd_m
+        way_m = np.array([90.0, 40.0, 14.5]) - centre_m
+        source_m = (truth.rotation_ned_frd @ mounting).T @ way_m
+        off_s = reading.delays_s - array.delays_s(source_m, 1507.0)
+        assert np.abs(off_s).max() < 20e-6  # bent rays
+
+
+def test_a_plan_s_table_reaches_the_dive():
+    plan = dive_plan_from_mapping({"acoustics": {"beacon_depth_m": 7}})
+    assert plan.acoustics.beacon_depth_m == 7.0
+    with pytest.raises(ConfigError, match="unknown key 'depth'"):
+        dive_plan_from_mapping({"acoustics": {"depth": 7}})
