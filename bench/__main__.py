@@ -18,6 +18,7 @@ MODULES = (
     "memory",
     "navigation_filter",
     "attitude",
+    "acoustic_delays",
     "acoustic_solvers",
     "simulated_dive",
     "acoustic_records",

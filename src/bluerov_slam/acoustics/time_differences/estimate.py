@@ -305,7 +305,9 @@ class _Seeker:
         equalised: ComplexArray = spectra / self.responses.relative(frequencies_hz)[self.record.receivers]
         return equalised
 
-    def cells(self, spectra: BandSpectra, values: ComplexArray, freedom: float) -> joint.Cells:
+    def cells(
+        self, spectra: BandSpectra, values: ComplexArray, freedom: float, most: int = joint.CANDIDATES
+    ) -> joint.Cells:
         """The likeliest carrier cells."""
         return joint.search(
             joint.PairCoherence(spectra, values, self.record.limits_s),
@@ -315,6 +317,7 @@ class _Seeker:
             2.0 * self.std_s + LEAST_MISFIT_S,
             self.expected,
             self.record.skew_s,
+            most,
         )
 
     def seek(self, spectra: BandSpectra, values: ComplexArray, freedom: float) -> _Found | None:
@@ -330,7 +333,8 @@ class _Seeker:
         """From what follows the onset: the cell from about each record's own, the place from about the common one."""
         samples, rate = self.record.samples, self.record.sample_rate_hz
         spectra = BandSpectra.of(early_part(samples, rate, begun_s)[0], rate)
-        cells = self.cells(spectra, self.equalised(spectra.values, spectra.frequencies_hz), joint.EARLY_FREEDOM)
+        values = self.equalised(spectra.values, spectra.frequencies_hz)
+        cells = self.cells(spectra, values, joint.EARLY_FREEDOM, joint.EARLY_CANDIDATES)
         if not len(cells.arrivals_s):
             return None
         start = cells.arrivals_s[0]

@@ -20,10 +20,12 @@ freedom, with which unequal receivers, not the noise, decide when a cell is sure
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bluerov_slam.acoustics.array import FLAT_SHARE
 from bluerov_slam.acoustics.time_differences.band import BandSpectra
 
 Array = NDArray[np.float64]
@@ -33,10 +35,11 @@ LAG_MARGIN = 1.02
 """Physical limits are widened by this: sound speed and positions are not exact."""
 
 CANDIDATES = 20
-"""In-phase lags kept per receiver: the 20 cells about the right one, and those of the bits before and after."""
+"""In-phase lags kept per receiver: the cells about the right one, and those of the bits before and after. So many times
+the receivers met so far is also how many combinations are kept from receiver to receiver."""
 
-BEAM = 20
-"""Combinations kept from receiver to receiver."""
+EARLY_CANDIDATES = 12
+"""The same where only one bit is looked at."""
 
 CELLS = 10
 """Combinations placed exactly and told as alternatives."""
@@ -59,7 +62,11 @@ CONTRADICTION_S = 25e-6
 CONTRADICTION_ODDS = 8.0
 """By so much in log-odds must impossible arrivals cohere better than possible ones."""
 
+SHORT_OF_ONE = 0.1
+"""By so much more may a measured direction in space be shorter than 1: wave fronts are bent."""
+
 NEWTON_STEPS = 4
+NEWTON_ENOUGH_S = 1e-12
 
 FREEDOM = 5.0
 """Independent numbers in a pulse 2 kHz wide and 2.4 ms long."""
@@ -76,31 +83,54 @@ class Geometry:
     receivers_m: Array  # (n, 3)
     sound_speed_mps: float
 
-    @property
-    def aperture_m(self) -> float:
-        """Largest distance of two receivers."""
-        return float(np.max(np.linalg.norm(self.receivers_m[:, None] - self.receivers_m[None], axis=2)))
+    @cached_property
+    def _basis(self) -> _Basis:
+        return _Basis.of(self.receivers_m, self.sound_speed_mps)
 
     def misfit(self, arrivals_s: Array) -> tuple[Array, Array]:
         """How far arrivals (m, n) miss the nearest possible ones: residuals (m, n), and whether a direction exists.
 
         Arrivals are a time, minus m.u / c, plus the wave front's bend (|m|^2 - (m.u)^2) / (2 c r).
         """
-        places = self.receivers_m - self.receivers_m.mean(axis=0)
-        scaled = -places / self.sound_speed_mps
-        left, values, right = np.linalg.svd(scaled, full_matrices=False)
-        kept = values > 0.02 * values[0]
-        basis = np.column_stack((np.full(len(places), len(places) ** -0.5), left[:, kept]))
-        directions = (arrivals_s - arrivals_s.mean(axis=1, keepdims=True)) @ left[:, kept] / values[kept] @ right[kept]
-        along = directions @ places.T
-        bend = (np.sum(places**2, axis=1) - along**2) / (2.0 * self.sound_speed_mps)
-        bend = bend - bend @ basis @ basis.T
-        residual = arrivals_s - arrivals_s @ basis @ basis.T
-        power = np.sum(bend**2, axis=1)
-        nearest = 1.0 / (NEAREST_RANGE_IN_APERTURES * self.aperture_m)
-        inverse = np.sum(bend * residual, axis=1) / np.maximum(power, 1e-30)
-        inverse = np.clip(inverse, 0.0, nearest)
-        return residual - inverse[:, None] * bend, np.linalg.norm(directions, axis=1) <= LAG_MARGIN
+        basis = self._basis
+        directions = arrivals_s @ basis.direction
+        along = directions @ basis.places.T
+        bend = ((basis.squares - along**2) / (2.0 * self.sound_speed_mps)) @ basis.across
+        residual = arrivals_s @ basis.across
+        inverse = np.sum(bend * residual, axis=1) / np.maximum(np.sum(bend**2, axis=1), 1e-30)
+        inverse = np.clip(inverse, 0.0, basis.largest_inverse_range)
+        length = np.sqrt(np.sum(directions**2, axis=1))
+        return residual - inverse[:, None] * bend, (length <= LAG_MARGIN) & (length >= basis.least_length)
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """What depends on the receivers alone: arrivals @ direction is the direction, arrivals @ across what none makes."""
+
+    places: Array  # (n, 3) about their centre
+    squares: Array
+    direction: Array  # (n, 3)
+    across: Array  # (n, n)
+    largest_inverse_range: float
+    least_length: float  # of a direction: 1 where all three components are measured
+
+    @classmethod
+    def of(cls, receivers_m: Array, sound_speed_mps: float) -> _Basis:
+        places = receivers_m - receivers_m.mean(axis=0)
+        count = len(places)
+        left, values, right = np.linalg.svd(-places / sound_speed_mps, full_matrices=False)
+        kept = values > FLAT_SHARE * values[0]
+        level = np.eye(count) - 1.0 / count
+        basis = np.column_stack((np.full(count, count**-0.5), left[:, kept]))
+        aperture = float(np.max(np.linalg.norm(places[:, None] - places[None], axis=2)))
+        return cls(
+            places,
+            np.sum(places**2, axis=1),
+            level @ left[:, kept] / values[kept] @ right[kept],
+            np.eye(count) - basis @ basis.T,
+            1.0 / (NEAREST_RANGE_IN_APERTURES * aperture),
+            2.0 - LAG_MARGIN - SHORT_OF_ONE if kept.sum() == 3 else 0.0,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,14 +223,14 @@ class PairCoherence:
         turned: Array = np.real(value * np.exp(2j * np.pi * self.centre_hz * lags_s))
         return np.where(inside, turned, 0.0)
 
-    def in_phase(self, first: int, second: int, carrier_hz: float) -> Array:
+    def in_phase(self, first: int, second: int, carrier_hz: float, most: int) -> Array:
         """The lags `toa_first - toa_second` of the strongest positive peaks, the strongest first."""
         row = self.envelope(first, second)
         phase = np.angle(row * np.exp(2j * np.pi * self.centre_hz * self.offsets_s))
         lags = self.offsets_s - phase / (2.0 * np.pi * carrier_hz)
         own = np.abs(lags - self.offsets_s) <= 0.55 * self.step_s  # a peak between two lags must not be lost
         strength = np.where(own, np.abs(row), 0.0)
-        order = np.argsort(-strength, kind="stable")[:CANDIDATES]
+        order = np.argsort(-strength, kind="stable")[:most]
         chosen: Array = lags[order[strength[order] > 0.0]]
         near = np.abs(chosen[:, None] - chosen[None]) < 0.3 / carrier_hz
         distinct: Array = chosen[~np.any(np.tril(near, -1), axis=1)]
@@ -215,6 +245,7 @@ def search(
     response_std_s: float,
     expected_s: tuple[Array, Array] | None = None,
     skew_s: Array | None = None,
+    most: int = CANDIDATES,
 ) -> Cells:
     """The likeliest carrier cells, all arrivals by the records' own samples.
 
@@ -222,19 +253,20 @@ def search(
         freedom: Independent numbers in one receiver's pulse.
         response_std_s: How far arrivals may miss those of a source.
         expected_s: Prior arrivals (n,) after receiver 0's and the inverse covariance (n-1, n-1).
+        most: In-phase lags tried per receiver.
         skew_s: (n,) how much later than its number says a receiver's sample is taken.
     """
     count = coherence.count
     kept = np.zeros((1, 1))
     score = np.zeros(1)
     for newest in range(1, count):
-        lags = -coherence.in_phase(0, newest, carrier_hz)  # arrival after receiver 0's
+        lags = -coherence.in_phase(0, newest, carrier_hz, most)  # arrival after receiver 0's
         if not len(lags):
             return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0))
         tried = np.concatenate((np.repeat(kept, len(lags), axis=0), np.tile(lags, len(kept))[:, None]), axis=1)
         gained = sum(coherence.at(other, newest, tried[:, other] - tried[:, newest]) for other in range(newest))
         total = np.repeat(score, len(lags)) + gained
-        width = BEAM * (1 + newest)
+        width = most * (1 + newest)
         best = np.argpartition(-total, width)[:width] if len(total) > width else np.arange(len(total))
         kept, score = tried[best], total[best]
     residual, exists = geometry.misfit(kept if skew_s is None else kept + skew_s)
@@ -287,9 +319,12 @@ def refine(
         scaled = aligned * omega
         bend = 2.0 * np.real(scaled @ np.conj(scaled).T)
         bend[np.diag_indices_from(bend)] -= 2.0 * np.real(np.conj(total) * aligned) @ omega**2
-        move = np.linalg.lstsq(bend[1:, 1:], -slope[1:], rcond=None)[0]
+        try:
+            move = np.linalg.solve(bend[1:, 1:], -slope[1:])
+        except np.linalg.LinAlgError:  # a receiver without any power
+            break
         arrivals[1:] += np.clip(move, -limit, limit)
-        if np.abs(move).max() < 1e-13:
+        if np.abs(move).max() < NEWTON_ENOUGH_S:
             aligned = weights[:, None] * spectra * np.exp(1j * omega * arrivals[:, None])
             break
     return arrivals, aligned

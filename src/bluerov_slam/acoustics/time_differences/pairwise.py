@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.acoustics.time_differences.band import BandSpectra, next_power_of_two
+from bluerov_slam.acoustics.time_differences.band import BAND_HZ, BandSpectra, next_power_of_two
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -23,7 +23,7 @@ THESIS_SIZE = 4096
 LAG_MARGIN, LAG_MARGIN_S = 1.02, 5e-6
 """Physical limits are widened by this: sound speed, positions and receivers are not exact."""
 
-_FINE = 8  # lags tried per period of the carrier before the exact peak is sought
+_FINE = 6  # lags tried per period of the carrier before the exact peak is sought
 _NEWTON_STEPS = 3
 
 
@@ -45,12 +45,11 @@ def parabola(samples: Array, sample_rate_hz: float) -> Array:
 
 
 def phat(samples: Array, sample_rate_hz: float) -> Array:
-    """Phase transform (all magnitudes made equal): the wrong tool for so narrow a pulse, kept to show it.
+    """Phase transform (all magnitudes in the band made equal): the wrong tool for so narrow a pulse, kept to show it.
 
     Source: Knapp and Carter (1976), doi:10.1109/TASSP.1976.1162830.
     """
-    correlations = _full_correlations(samples, whiten=True)
-    return _whole_lags(correlations) / sample_rate_hz
+    return _whole_lags(_full_correlations(samples, whiten_at_hz=sample_rate_hz)) / sample_rate_hz
 
 
 def band_limited(spectra: BandSpectra, limits_s: Array) -> Array:
@@ -98,15 +97,20 @@ def correlation(spectra: BandSpectra, first: int, second: int, lags_s: Array) ->
     return turned
 
 
-def _full_correlations(samples: Array, whiten: bool = False) -> Array:
-    """Circular correlations (n-1, size) of receiver 0 with the others, mean removed and divided by the deviation."""
+def _full_correlations(samples: Array, whiten_at_hz: float | None = None) -> Array:
+    """Circular correlations (n-1, size) of receiver 0 with the others, mean removed and divided by the deviation.
+
+    `whiten_at_hz`: the sample rate, if all magnitudes inside the band are to be equal and those outside zero.
+    """
     size = max(THESIS_SIZE, next_power_of_two(2 * samples.shape[1]))
     centred = samples - samples.mean(axis=1, keepdims=True)
     spread = centred.std(axis=1, keepdims=True)
     spectra = np.fft.rfft(centred / np.where(spread > 0.0, spread, 1.0), size, axis=1)
     cross = spectra[:1] * np.conj(spectra[1:])
-    if whiten:
-        cross = cross / np.maximum(np.abs(cross), 1e-300)
+    if whiten_at_hz is not None:
+        frequencies = np.arange(cross.shape[1]) * whiten_at_hz / size
+        inside = (frequencies >= BAND_HZ[0]) & (frequencies <= BAND_HZ[1])
+        cross = np.where(inside, cross / np.maximum(np.abs(cross), 1e-300), 0.0)
     return np.fft.irfft(cross, size, axis=1)
 
 
