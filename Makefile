@@ -11,6 +11,9 @@ RUN_ARGS ?=
 # that had to be repeated is printed by name as "RERUN" and is a race to be mended, not accepted.
 RERUNS ?= --reruns 1 -rfER
 export RERUNS
+# Small matrices: threads below NumPy only wait for each other, and the tests run on every core as it is.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
 
 .PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser \
 	firmware firmware-test

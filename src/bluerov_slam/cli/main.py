@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 
@@ -29,6 +30,9 @@ COMMANDS = {
 
 # Told apart by the supervisor: the first will fail again, the second may not.
 EXPECTED_FAILURE = 1
+# Of the linear algebra below NumPy, which reads them when it is first imported; child processes inherit them. Matrices
+# here have some tens of rows: threads of their own wait for each other at five times the processor time.
+THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 CRASH = 70  # EX_SOFTWARE of sysexits.h
 
 
@@ -40,6 +44,8 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line; an expected error is one line and exit code 1, a fault of ours a traceback and 70."""
+    for variable in THREAD_COUNTS:
+        os.environ.setdefault(variable, "1")
     try:
         cli()
     except ExpectedError as error:
