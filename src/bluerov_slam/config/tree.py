@@ -22,6 +22,7 @@ Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Vector3 = Annotated[tuple[Metres, Metres, Metres], Field(strict=False)]
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
 Angles3 = Annotated[tuple[Degrees, Degrees, Degrees], Field(strict=False)]
+Resonances = Annotated[tuple[Annotated[float, Field(ge=5.0, le=500.0)], ...], Field(strict=False, max_length=16)]
 Skews = Annotated[tuple[Annotated[float, Field(ge=-100.0, le=100.0)], ...], Field(strict=False, max_length=16)]
 PLACE_PATTERN = r"^\s*(-?\d{1,2}(\.\d{1,12})?\s*,\s*-?\d{1,3}(\.\d{1,12})?\s*)?$"
 Directions = Annotated[tuple[Literal[1, -1], ...], Field(strict=False, max_length=8)]
@@ -329,6 +330,10 @@ class AcousticsSettings(Group):
         (), "how much later than receiver 0 the board samples each one, in raw records; empty: all at once", unit="us",
         live=True,
     )  # fmt: skip
+    receiver_khz: Resonances = setting(
+        (), "resonance of each receiver as isbl calibrate-array finds it; evens out raw records; empty: not known",
+        unit="kHz", live=True,
+    )  # fmt: skip
     mounting_rpy_deg: Angles3 = setting(
         (0.0, 0.0, 0.0),
         "roll, pitch, yaw that turn the array's forward, right, down into the vehicle's; looking down: 0, -90, 0",
@@ -393,6 +398,12 @@ class AcousticsSettings(Group):
                 "setting",
                 "expected one number for each receiver, or none",
                 {"key": "acoustics.sample_skew_us"},
+            )
+        if self.receiver_khz and len(self.receiver_khz) != count:
+            raise PydanticCustomError(
+                "setting",
+                "expected one number for each receiver, or none",
+                {"key": "acoustics.receiver_khz"},
             )
         return self
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
+from bluerov_slam.acoustics.calibration.responses import ReceiverResponses
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class AcousticOptions:
 
     array: ReceiverArray = field(default_factory=ReceiverArray.cross)
     mounting: ArrayMounting = field(default_factory=ArrayMounting)
+    responses: ReceiverResponses | None = None  # of the receivers, where a calibration knows them
     sound_speed_mps: float = 1500.0
     sound_speed_fixed: bool = False
     beacon_deg: tuple[float, float] | None = None

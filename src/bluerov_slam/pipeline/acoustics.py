@@ -148,7 +148,9 @@ class AcousticPipeline:
         lost = record.missing_samples / samples.shape[1]
         if lost > LARGEST_LOSS:
             return replace(base, reason=f"{100.0 * lost:.0f} % of the record did not arrive; see the link's load")
-        found = estimate_delays(samples, record.sample_rate_hz, array, base.sound_speed_mps)
+        found = estimate_delays(
+            samples, record.sample_rate_hz, array, base.sound_speed_mps, responses=self.options.responses
+        )
         return self._judged(base, found)
 
     def _messages_of(self, record: AcousticRecord) -> list[Heard]:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
+from bluerov_slam.acoustics.calibration.responses import ReceiverResponses
 from bluerov_slam.config import Settings
 from bluerov_slam.navigation.rotation import rotation_from_euler
 from bluerov_slam.pipeline.acoustic_options import AcousticOptions
@@ -28,6 +29,9 @@ def acoustic_options(settings: Settings) -> AcousticOptions | None:
     roll, pitch, yaw = map(math.radians, acoustics.mounting_rpy_deg)
     return AcousticOptions(
         array=array,
+        responses=ReceiverResponses.of_resonances(np.array(acoustics.receiver_khz) * 1e3)
+        if acoustics.receiver_khz
+        else None,
         mounting=ArrayMounting(rotation_from_euler(roll, pitch, yaw), np.array(acoustics.lever_arm_frd_m)),
         sound_speed_mps=acoustics.sound_speed_mps,
         sound_speed_fixed=acoustics.sound_speed_source == "fixed",

@@ -59,6 +59,11 @@ class ReceiverResponses:
         """Receivers known to be equal, as simulated ones can be."""
         return cls(np.full(count, NOMINAL_HZ), np.full(count, NOMINAL_QUALITY), 0.0)
 
+    @classmethod
+    def of_resonances(cls, resonance_hz: Array) -> ReceiverResponses:
+        """Of an earlier calibration, whose qualities are taken as nominal (5 % of quality: 0.02 us)."""
+        return cls(resonance_hz, np.full(len(resonance_hz), NOMINAL_QUALITY), LEFT_STD_S)
+
     @property
     def equal(self) -> bool:
         """Whether there is nothing to divide by."""
