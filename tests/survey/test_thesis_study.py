@@ -57,6 +57,7 @@ def test_the_command_writes_table_and_report(tmp_path):
     rows = json.loads(table.read_text())
     assert all({"id", "name", "value", "unit", "must", "aim", "met"} <= row.keys() for row in rows)
     assert all("real" in row["name"] for row in rows)
+    assert len({row["id"] for row in rows}) == len(rows)
     page = report.read_text()
     assert page.count("<svg") == 4
     assert "published as iSBL-SF Kalman filter" in page

@@ -66,10 +66,10 @@ def reproduced_rows(study: ThesisStudy) -> list[Row]:
     cells, largest_mm = thesis_table.largest_difference_mm(table, study.published)
     read = study.census[LineKind.WHOLE] + study.census[LineKind.CUT]
     rows = [
-        _plain("I20.lines", "lines of data read (real)", read, "", None),
-        _plain("I20.cells", f"{cells} published cells, largest difference (real)", largest_mm, "mm", (None, 1e-9)),
+        _plain("I20", "lines of data read (real)", read, "", None),
+        _plain("I20", f"{cells} published cells, largest difference (real)", largest_mm, "mm", (None, 1e-9)),
     ]
-    return rows + _plain_statistics(study) + _replay_rows(study) + _check_rows(study)
+    return _numbered(rows + _plain_statistics(study) + _replay_rows(study) + _check_rows(study))
 
 
 def held_out_rows(study: ThesisStudy, parameters: Parameters) -> list[Row]:
@@ -94,6 +94,11 @@ def held_out_rows(study: ThesisStudy, parameters: Parameters) -> list[Row]:
             rows += _scores("I21", f"slip lattice {kind}, stationary, {how}", still, positions, asked)[:1]
     blind = held_out.blind_estimates(sessions, parameters, smoothed=True)
     rows += _scores("I21", "slip lattice smoothed, without any truth", sessions, blind, {"rmse": (58, 56)})
+    return _numbered(rows)
+
+
+def _numbered(rows: Sequence[Row]) -> list[Row]:
+    """With ids of their own."""
     return [replace(row, id=f"{row.id}.{number}") for number, row in enumerate(rows, start=1)]
 
 
@@ -108,7 +113,7 @@ def _plain_statistics(study: ThesisStudy) -> list[Row]:
             found = thesis_table.summary(error_mm(thesis_table.estimate(chosen, name), chosen))
             for figure, value in (("RMSE", found.rmse_mm), ("median", found.median_mm), ("p95", found.p95_mm)):
                 text = f"{thesis_table.ACTUAL_LABELS[name]}, {what}: {figure} (real)"
-                rows.append(_plain(f"I20.{name}", text, value, "mm", None))
+                rows.append(_plain("I20", text, value, "mm", None))
     return rows
 
 
@@ -122,15 +127,15 @@ def _replay_rows(study: ThesisStudy) -> list[Row]:
     exchanged = replace(sample.rows, acoustic_mm=sample.rows.fused_mm, fused_mm=sample.rows.acoustic_mm)
     other = replay(replace(sample, rows=exchanged), study.replays[sample.name].period_s)
     return [
-        _plain("I20.replay", "rows replayed by the acoustic filter (real)", 100 * replayed.mean(), "%", (92.5, None)),
-        _plain("I20.replay", "their RMS distance from the print (real)", _rms(miss_mm), "mm", (None, 0.005)),
+        _plain("I20", "rows replayed by the acoustic filter (real)", 100 * replayed.mean(), "%", (92.5, None)),
+        _plain("I20", "their RMS distance from the print (real)", _rms(miss_mm), "mm", (None, 0.005)),
         _plain(
-            "I20.replay", "stationary rows that the combined filter replays without displacement (real)",
+            "I20", "stationary rows that the combined filter replays without displacement (real)",
             100 * met.mean(), "%", None,
         ),
-        _plain("I20.replay", "their RMS distance from the print (real)", _rms(still[met]), "mm", (None, 0.005)),
+        _plain("I20", "their RMS distance from the print (real)", _rms(still[met]), "mm", (None, 0.005)),
         _plain(
-            "I20.labels", f"rows of {sample.name} replayed with the labels exchanged as published (real)",
+            "I20", f"rows of {sample.name} replayed with the labels exchanged as published (real)",
             100 * other.replayed.mean(), "%", None,
         ),
     ]  # fmt: skip
@@ -140,10 +145,10 @@ def _check_rows(study: ThesisStudy) -> list[Row]:
     truth = check_truth(study.logs, _PRINTED_MM)
     noise = list(depth_noise_correlation(study.logs).values())
     return [
-        _plain("I20.truth", "truth by forward kinematics, RMS (real)", truth.rms_mm, "mm", (None, 0.005)),
-        _plain("I20.truth", "rows that it meets to their print (real)", 100 * truth.met / truth.rows, "%", None),
+        _plain("I20", "truth by forward kinematics, RMS (real)", truth.rms_mm, "mm", (None, 0.005)),
+        _plain("I20", "rows that it meets to their print (real)", 100 * truth.met / truth.rows, "%", None),
         _plain(
-            "I20.noise", "made-up depth noise, correlation, median of stationary logs (real)",
+            "I20", "made-up depth noise, correlation, median of stationary logs (real)",
             float(np.median(noise)), "", (0.997, None),
         ),
     ]  # fmt: skip
