@@ -290,6 +290,26 @@ def test_two_transmitters_give_no_fix_while_both_are_heard() -> None:
     assert fixes[-1].accepted
 
 
+@pytest.mark.parametrize("array", [CROSS, ReceiverArray.cross(centre=True)], ids=["four", "five"])
+def test_nothing_that_a_board_can_send_makes_it_raise(array: ReceiverArray) -> None:
+    rng = np.random.default_rng(8)
+    pipeline = AcousticPipeline(replace(OPTIONS, array=array))
+    fixes = []
+    for k in range(400):
+        count = int(rng.choice([2, 3, 4, 5, 16])) if k % 3 == 0 else len(array)
+        delays = rng.normal(0.0, rng.choice([1e-6, 1e-4, 1e-2, 2.0]), count - 1)
+        delays[rng.random(count - 1) < 0.1] = math.nan
+        std = rng.choice([0.0, 2.0, 100.0, 65535.0], count)
+        reference = int(rng.integers(count))
+        fixes += pipeline.feed(TimeDifferenceReading(float(k), k + 0.1, reference, delays, std, None))
+        if k % 10 == 0:
+            shape = (int(rng.choice([1, len(array), 16])), int(rng.choice([1, 10, 500, 2048])))
+            counts = rng.integers(-2048, 2047, shape).astype(np.int16)
+            rate_hz = float(rng.choice([1.0, 1e3, 1.2e5, 851_393.0, 4e9]))
+            fixes += pipeline.feed(AcousticRecord(k + 0.5, k + 0.6, k, rate_hz, counts, 12, 0))
+    assert all(fix.accepted or fix.reason for fix in fixes if isinstance(fix, AcousticFix))
+
+
 def test_the_same_records_give_the_same_fixes() -> None:
     def run() -> list[AcousticFix | AcousticMessage]:
         pipeline, fixes = AcousticPipeline(OPTIONS), []

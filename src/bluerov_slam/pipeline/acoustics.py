@@ -32,7 +32,8 @@ from bluerov_slam.records import (
 )
 
 if TYPE_CHECKING:
-    from typing import Protocol
+    from collections.abc import Callable
+    from typing import Any, Protocol
 
     from numpy.typing import NDArray
 
@@ -52,6 +53,8 @@ SAME_PULSE_S: Final = 0.05
 PULSES_KEPT: Final = 64
 # A record of a whole message is long, and sampled too slowly for the delays.
 MESSAGE_RECORD_S: Final = 0.1
+# Below the first the carrier is not in the samples, above the second no converter of such a board samples.
+SAMPLE_RATES_HZ: Final = (100e3, 20e6)
 # With more than this share of a record lost, what is left of it may mislead.
 LARGEST_LOSS: Final = 0.1
 # A wrong carrier cell more likely than this, and nobody may rely on the direction.
@@ -85,16 +88,26 @@ class AcousticPipeline:
     def feed(self, record: Record) -> list[Heard]:
         """Take one record; other types than its own are passed over. A message comes out that a raw record held."""
         if isinstance(record, TimeDifferenceReading):
-            return self._new(self._of_reading(record))
+            return self._new(self._safely(self._of_reading, record))
         if isinstance(record, AcousticRecord):
             if record.samples.shape[1] / record.sample_rate_hz > MESSAGE_RECORD_S:
                 return self._messages_of(record)
-            return [] if self._is_judged(record.measured_s) else self._new(self._of_record(record))
+            return [] if self._is_judged(record.measured_s) else self._new(self._safely(self._of_record, record))
         if isinstance(record, CtdSample):
             self._on_ctd(record)
         elif isinstance(record, AcousticMessage):
             self._beacons.hear(record)
         return []
+
+    def _safely(
+        self, judge: Callable[[Any], AcousticFix], record: TimeDifferenceReading | AcousticRecord
+    ) -> AcousticFix:
+        """Numbers that nobody thought of must not end the navigation that runs beside this."""
+        try:
+            return judge(record)
+        except (ArithmeticError, LookupError, ValueError, np.linalg.LinAlgError) as error:
+            base = self._nothing(record.measured_s, record.arrived_s)
+            return replace(base, reason=f"this pulse cannot be evaluated ({error})")
 
     def _new(self, fix: AcousticFix) -> list[Heard]:
         self._watch.observe(fix)
@@ -145,6 +158,11 @@ class AcousticPipeline:
         array = self.options.array
         if len(samples) != len(array):
             return replace(base, reason=count_mismatch(len(samples), len(array)))
+        low_hz, high_hz = SAMPLE_RATES_HZ
+        if not low_hz <= record.sample_rate_hz <= high_hz:
+            return replace(
+                base, reason=f"a sample rate of {record.sample_rate_hz:.0f} Hz, expected {low_hz:.0f} to {high_hz:.0f}"
+            )
         lost = record.missing_samples / samples.shape[1]
         if lost > LARGEST_LOSS:
             return replace(base, reason=f"{100.0 * lost:.0f} % of the record did not arrive; see the link's load")
