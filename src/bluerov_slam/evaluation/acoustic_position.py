@@ -18,6 +18,7 @@ from bluerov_slam.acoustics.bounds import position_covariance, record_delay_cova
 from bluerov_slam.acoustics.calibration.responses import ReceiverResponses, estimate_responses
 from bluerov_slam.acoustics.hooke_jeeves import hooke_jeeves_2d
 from bluerov_slam.acoustics.position import solve_source
+from bluerov_slam.acoustics.position_batch import solve_batch
 from bluerov_slam.acoustics.time_differences import TimeDifferences, estimate_delays
 from bluerov_slam.evaluation.acoustic_cases import AcousticCase, AcousticJob, ratio_row, rms_row, share_row
 from bluerov_slam.evaluation.acoustic_timing import SLIP_S, sources_ahead
@@ -124,8 +125,8 @@ def _solved(
 ) -> Array:
     """Y and z (draws, 2) by weighted least squares.
 
-    The solver withholds one right fix in a thousand because depth and angles seem to contradict each other; its
-    direction at the given depth is taken then, so that no draw drops out of the figures.
+    The solver withholds one right fix in a thousand because depth and angles seem to contradict each other; then the
+    plain least squares at the given depth is taken, so that no draw drops out of the figures.
     """
     places = []
     for each, depth in zip(found, depths, strict=True):
@@ -139,7 +140,8 @@ def _solved(
         )
         place = solution.position_m
         if place is None:
-            place = solution.direction * float(depth) / solution.direction[0]
+            receivers = array.subset(each.receivers.tolist())
+            place = solve_batch(receivers, each.delays_s[None], sound_mps, float(depth), down=FORWARD)[0]
         places.append(place[1:])
     return np.array(places)
 
