@@ -45,6 +45,18 @@ def test_a_restart_in_mid_dive_goes_on_less_certain_than_before() -> None:
     assert after.last.mode is NavMode.AIDED
 
 
+def test_a_restart_under_water_keeps_the_zero_of_the_depth() -> None:
+    bench = Bench()
+    result = run(bench.records(20.0))
+    result.take(result.navigator.command(NavigatorCommand(NavigatorAction.ZERO_DEPTH)))
+    bench.depth_m = 10.0
+    result.feed(bench.records(20.0), no_gps)
+    assert result.last.depth_m == pytest.approx(10.0, abs=0.1)
+    after = run(bench.records(5.0), no_gps, Navigator(saved=result.navigator.save()))
+    # The air weighed 575 Pa more than the standard atmosphere.
+    assert after.last.depth_m == pytest.approx(result.last.depth_m, abs=0.02)
+
+
 def test_the_same_restart_twice_is_the_same() -> None:
     bench, _, saved = saved_in_mid_dive()
     records = list(bench.records(5.0))

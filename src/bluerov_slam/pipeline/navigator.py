@@ -405,17 +405,22 @@ class Navigator:
     def _begin(self, start: Start) -> None:
         """The first attitude is there."""
         core = self._core
+        saved, self._saved = self._saved, None
+        age_s = None
+        if saved is not None:
+            assert self._first_s is not None
+            age_s = age_of(saved, self._saved_age_s, self._first_s, start.at_s)
+        recent = age_s is not None and age_s <= self.options.save_limit_s
+        if saved is not None and recent and saved.surface_pressure_pa is not None:
+            self._depth.resume_zero(saved.surface_pressure_pa)
         depth_m = self._depth.newest_m or 0.0
         self._depth_bias_std_m = self._depth.bias_std_m
         place = core.place
         filter_ = make_filter(
             start, self.options, core.calibration, depth_m, self._depth.bias_std_m, place.latitude_deg
         )
-        saved, self._saved = self._saved, None
         if saved is not None:
-            assert self._first_s is not None
-            age_s = age_of(saved, self._saved_age_s, self._first_s, start.at_s)
-            if saved.origin_deg is not None and age_s is not None and age_s <= self.options.save_limit_s:
+            if saved.origin_deg is not None and recent:
                 place.settle(*saved.origin_deg)
             if resume(core, filter_, saved, age_s, start):
                 self._output.distance_m = saved.distance_m

@@ -170,6 +170,11 @@ class DepthIntake:
         self._relative_std = depth.relative_std
         return depth.depth_m
 
+    def resume_zero(self, surface_pressure_pa: float) -> None:
+        """The zero of before a restart: under water, no new one can be found."""
+        self.surface_pressure_pa = surface_pressure_pa
+        self.zeroed_itself, self._zeroing_s = True, None
+
     def zero_here(self) -> bool:
         """The user says that this is the surface. False: no pressure is known."""
         if not self._recent:
