@@ -73,6 +73,21 @@ async def test_states_reach_the_page_the_api_and_the_metrics(tmp_path):
         assert "bluerov_slam_navigation_records_dropped_total 0.0" in metrics
 
 
+async def test_the_water_that_the_vehicle_went_through_is_told(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        assert (await running.get("/api/navigation/water"))["nodes"] == []
+        water = await running.until("/api/navigation/water", lambda water: len(water["nodes"]) > 0)
+        node = water["nodes"][-1]
+        assert node["depth_m"] > 0.5
+        assert node["samples"] >= 2
+        assert 1400.0 < node["sound_speed_mps"] < 1600.0
+        assert 990.0 < node["density_kg_per_m3"] < 1040.0
+        assert 0.0 < node["sound_speed_std_mps"] < 3.0
+
+
 async def test_a_crash_of_the_estimator_takes_nothing_else_down(tmp_path):
     async with (
         running_simulator(tmp_path),

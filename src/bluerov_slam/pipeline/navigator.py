@@ -62,6 +62,7 @@ if TYPE_CHECKING:
 
     from bluerov_slam.navigation.ekf import UpdateResult
     from bluerov_slam.navigation.measurements import SensorAngles
+    from bluerov_slam.navigation.seawater import WaterColumn
 
     Array = NDArray[np.float64]
 
@@ -169,6 +170,14 @@ class Navigator:
     def calibrations(self) -> list[CalibrationProgress]:
         """How far each guided routine is."""
         return self._actions.calibrations.progress()
+
+    def water_column(self) -> WaterColumn | None:
+        """The water as the vehicle's own CTD found it; None while it has not been under water with one."""
+        return self._depth.water.column
+
+    def whole_water_column(self) -> WaterColumn | None:
+        """The same with the last samples in it, which takes some milliseconds."""
+        return self._depth.water.make_now()
 
     def save(self) -> SavedNavigation:
         """What a restart needs. Before the first attitude it is what was saved before."""
@@ -307,8 +316,8 @@ class Navigator:
         return self._without_imu(measured_s, self._imu.autopilot(record, measured_s))
 
     def _on_ctd(self, record: CtdSample) -> bool:
-        self._depth.latitude_deg = self._core.place.latitude_deg
-        self._depth.water(record)
+        self._depth.water.latitude_deg = self._core.place.latitude_deg
+        self._depth.water.take(record, self._depth.surface_pressure_pa)
         self._aids.water(record)
         return False
 

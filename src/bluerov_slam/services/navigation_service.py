@@ -66,6 +66,7 @@ class NavigationService:
         self.track = NavigationTrack(unix_s)
         self.assistant = DiveStartAssistant()
         self.calibrations: tuple[Mapping[str, Any], ...] = ()
+        self.water: Mapping[str, Any] | None = None
         self.process = NavigationProcess(hub, setup, self._take, on_change, now_s)
         self._hub = hub
         self._broadcaster = broadcaster
@@ -211,6 +212,8 @@ class NavigationService:
             self._hub.publish(Event(self._now_s(), EventLevel.INFO, f"navigation: {done.resumed}"))
         if done.calibrations:
             self.calibrations = done.calibrations
+        if done.water is not None:
+            self.water = done.water
         self._take_save_error(done.save_error)
         for fix in done.fixes:
             self._fix = fix

@@ -77,6 +77,7 @@ def draw(run: NavigationRun) -> dict[str, str]:
         "depth": _depth,
         "velocity": _velocity,
         "attitude": _attitude,
+        "water": _water,
         "innovations": _innovations,
         "nis": _nis,
         "trust": _trust,
@@ -258,6 +259,29 @@ def _attitude(run: NavigationRun) -> Figure | None:
     )  # fmt: skip
     lower.set(ylabel="deg", xlabel="minutes since the start")
     lower.legend(loc="upper left", ncols=3)
+    return figure
+
+
+def _water(run: NavigationRun) -> Figure | None:
+    column = run.water
+    if column is None:
+        return None
+    figure = Figure(figsize=(9.0, 4.2))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axes, value, std, label in (
+        (left, column.sound_speed_mps, column.sound_speed_std_mps, "sound speed (m/s)"),
+        (right, column.density_kg_per_m3, column.density_std_kg_per_m3, "density (kg/m3)"),
+    ):
+        axes.fill_betweenx(
+            column.depth_m, value - _TWO_SIGMA * std, value + _TWO_SIGMA * std, color=_BAND, linewidth=0,
+            label="95 % band",
+        )  # fmt: skip
+        axes.plot(value, column.depth_m, color=_BEST, linewidth=1.0, marker="." if len(value) < 40 else "")
+        axes.ticklabel_format(useOffset=False)
+        axes.set(xlabel=label)
+    left.invert_yaxis()
+    left.set(ylabel="depth (m)")
+    left.legend(loc="best")
     return figure
 
 
