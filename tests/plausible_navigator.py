@@ -70,7 +70,7 @@ class PlausibleNavigator:
         self._resets = 0
         self._water = Water(0.016)
         self._counts = {"gps": [0, 0], "position": [0, 0], "depth": [0, 0], "compass": [0, 0]}
-        kinds = ("gyro", "accelerometer", "magnetometer", "swing")
+        kinds = ("gyro", "accelerometer", "magnetometer", "thruster_field", "swing", "course_swing")
         self._kinds = {kind: Progress(kind, "none") for kind in kinds}
         if saved is not None and saved.position_known:
             self._origin, self._known = saved.origin_deg, True

@@ -243,13 +243,35 @@ def test_a_calibration_starts_says_what_to_do_and_is_cancelled(system: RunningSy
     page = open_page(system.dashboard)
     live(page)
     open_tab(page, "Navigation")
-    expect(page.locator(".assistant-steps li")).to_have_count(4)
+    expect(page.locator(".assistant-steps li")).to_have_count(6)
     gyro = page.locator(".calibration", has_text="Gyro")
     gyro.get_by_role("button", name=re.compile("Start|Repeat")).click()
     expect(gyro.locator(".instruction")).to_have_text(re.compile(r"\w+ \w+"))
     expect(page.locator(".calibration", has_text="Accelerometer").get_by_role("button", name="Start")).to_be_disabled()
     gyro.get_by_role("button", name="Cancel").click()
     expect(gyro.get_by_role("button", name=re.compile("Start|Repeat"))).to_be_enabled()
+
+
+def test_the_assistant_begins_a_compass_swing_and_says_what_the_thrusters_field_wants(
+    system: RunningSystem, open_page: OpenPage, watch: Watch
+) -> None:
+    watch.expect_complaints("409")  # what is refused
+    page = open_page(system.dashboard)
+    live(page)
+    open_tab(page, "Navigation")
+    step = page.locator(".assistant-steps li", has_text="Swing the compass")
+    step.get_by_role("button", name="Begin").click()
+    swing = page.locator('.calibration[data-kind="swing"]')
+    expect(swing).to_contain_text("two turns on the spot")
+    expect(swing.locator(".instruction")).to_contain_text("turn slowly on the spot")
+    expect(swing).to_be_in_viewport()
+    expect(step).to_contain_text("degrees to go")
+    swing.get_by_role("button", name="Cancel").click()
+    expect(step).to_contain_text("two slow turns")
+    # The virtual vehicle's magnetometer was never calibrated: the thrusters' field has nothing to be measured against.
+    page.locator(".assistant-steps li", has_text="thrusters' field").get_by_role("button", name="Begin").click()
+    expect(page.get_by_text(re.compile("[Cc]alibrate the magnetometer first")).first).to_be_visible()
+    expect(page.locator('.calibration[data-kind="course_swing"]')).to_contain_text("driving under GPS")
 
 
 def test_the_autopilot_panel_says_why_it_cannot_ask(system: RunningSystem, open_page: OpenPage) -> None:

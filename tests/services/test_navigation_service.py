@@ -15,6 +15,7 @@ import pytest
 
 from bluerov_slam.records import NavState, SensorSample
 from bluerov_slam.services.extension import Extension
+from bluerov_slam.services.navigation_api import KINDS
 from bluerov_slam.services.settings_store import SettingsStore
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import ReplaySource, decoder_for
@@ -149,7 +150,7 @@ async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(t
     ):
         await estimating(running)
         calibration = await running.get("/api/navigation/calibration")
-        assert [kind["kind"] for kind in calibration["kinds"]] == ["gyro", "accelerometer", "magnetometer", "swing"]
+        assert tuple(kind["kind"] for kind in calibration["kinds"]) == KINDS
         assert all(kind["label"] for kind in calibration["kinds"])
         for action, state in (("start_calibration", "running"), ("finish_calibration", "done")):
             await running.call("POST", "/api/navigation", json={"action": action, "kind": "gyro"})
@@ -157,7 +158,8 @@ async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(t
             assert kinds[0]["state"] == state
         await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
         steps = (await running.get("/api/navigation/calibration"))["assistant"]["steps"]
-        assert [step["id"] for step in steps] == ["zero_depth", "calibrate", "surface_run", "set_origin"]
+        sequence = ["zero_depth", "calibrate", "thruster_field", "swing", "surface_run", "set_origin"]
+        assert [step["id"] for step in steps] == sequence
         assert [step["state"] for step in steps][:2] == ["done", "active"]
 
 

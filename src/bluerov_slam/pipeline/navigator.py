@@ -260,8 +260,8 @@ class Navigator:
         self._burst_s = record.arrived_s
         samples = self._imu.burst(record, core.calibration)
         field_raw = self._imu.mounted(record.magnetic_field_raw.astype(np.float64))
-        self._actions.calibrations.feed(record, self._imu, field_raw)
         effort = self._thrust.effort(record.measured_s)
+        self._actions.calibrations.feed(record, self._imu, field_raw, effort)
         self._compass.expected_dip_rad = core.place.dip_rad
         heading = self._compass.burst(
             record, field_raw, core.calibration, effort, core.down_frd(), core.place.declination_rad
@@ -323,6 +323,7 @@ class Navigator:
 
     def _on_gps(self, record: GpsFix) -> bool:
         self._positions.gps_frame(record, self._output.distance_m)
+        self._actions.calibrations.feed_course(record, self._thrust.ahead_mps(record.measured_s))
         return self._catch_up(record.measured_s, record.arrived_s)
 
     def _on_fix(self, record: PositionFix) -> bool:

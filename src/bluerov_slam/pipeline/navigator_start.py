@@ -170,6 +170,12 @@ def compass_prior(
     return values, std
 
 
+def thruster_field_std_rad(options: NavigatorOptions, calibration: Calibration) -> float:
+    """What the thrusters' field may turn the compass by at full current."""
+    share = 1.0 if calibration.thruster_field is None else options.compass.thruster_calibrated_share
+    return options.compass.throttle_std_rad * share
+
+
 def make_filter(
     start: Start,
     options: NavigatorOptions,
@@ -195,8 +201,7 @@ def make_filter(
         thrust_scale=options.thrust.scale_std,
         compass=compass_std,
         compass_wander=options.compass.wander_std_rad,
-        thruster_field=options.compass.throttle_std_rad
-        * (1.0 if calibration.thruster_field is None else options.compass.thruster_calibrated_share),
+        thruster_field=thruster_field_std_rad(options, calibration),
         gps_wander=noise.gps_wander_std_m,
         depth_bias=depth_bias_std_m,
         dvl=(options.dvl.scale_std, options.dvl.yaw_std_rad),

@@ -15,7 +15,7 @@ from bluerov_slam.services.navigation_autopilot import AutopilotParameters
 from bluerov_slam.services.navigation_service import NavigationService
 from bluerov_slam.services.navigation_track import DEFAULT_POINTS
 
-KINDS: Final = ("gyro", "accelerometer", "magnetometer", "swing")
+KINDS: Final = ("gyro", "accelerometer", "magnetometer", "thruster_field", "swing", "course_swing")
 MAX_POINTS: Final = 20_000
 _POSITION: Final = ("latitude_deg", "longitude_deg")
 _KEYS: Final[dict[str, tuple[str, ...]]] = {

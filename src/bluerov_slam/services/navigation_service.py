@@ -39,7 +39,9 @@ KIND_LABELS: Final = {
     "gyro": "Gyro at rest",
     "accelerometer": "Accelerometer on six faces",
     "magnetometer": "Magnetometer, turned every way",
-    "swing": "Compass swing under GPS",
+    "thruster_field": "Thrusters' field, one thruster after the other",
+    "swing": "Compass swing, two turns on the spot",
+    "course_swing": "Compass swing, driving under GPS",
 }
 
 
