@@ -355,7 +355,7 @@ class Navigator:
         return False
 
     def _on_range(self, record: VehicleRange) -> bool:
-        self._output.take_altitude(self._clocks.measured_s(record), record.distance_m)
+        self._output.take_altitude(self._clocks.measured_s(record), record)
         return False
 
     def _on_motion(self, record: VehicleMotionDelta) -> bool:

@@ -28,6 +28,7 @@ class Fault(StrEnum):
     PRESSURE_RANGE = "pressure_range"
     PWM_RANGE = "pwm_range"
     DVL_CONFIDENCE = "dvl_confidence"
+    ECHO_WEAK = "echo_weak"
 
 
 class Wait(StrEnum):
@@ -39,8 +40,6 @@ class Wait(StrEnum):
     GPS_SETTLING = "gps_settling"
     NO_ATTITUDE = "no_attitude"
     THRUSTERS_OFF = "thrusters_off"
-    NO_ORIGIN = "no_origin"
-    NOT_FUSED = "not_fused"
     INSTEAD_OF_ANGLES = "instead_of_angles"
 
 
@@ -137,6 +136,12 @@ _SPECIAL = {
     ("dvl", Fault.DVL_CONFIDENCE): (
         "The DVL has lost the bottom: too far, too near, or too steep. Its values count again once it sees the bottom."
     ),
+    ("altitude", Fault.ECHO_WEAK): (
+        "The echo sounder does not believe its own echo: too far from the bottom, too near, or fish and bubbles below."
+    ),
+    ("altitude", Fault.SILENT): (
+        "The autopilot tells no height any more. Check the echo sounder and that DISTANCE_SENSOR reaches the extension."
+    ),
     ("dvl", Fault.SILENT): "Nothing comes from the DVL any more. Check its cable and its driver.",
 }
 
@@ -147,8 +152,6 @@ _WAITS = {
     Wait.GPS_SETTLING: "Waiting for three fixes in a row that agree.",
     Wait.NO_ATTITUDE: "Waiting for the attitude.",
     Wait.THRUSTERS_OFF: "The thrusters have not run yet.",
-    Wait.NO_ORIGIN: "Waiting for a first position.",
-    Wait.NOT_FUSED: "Shown, but not used for the position.",
     Wait.INSTEAD_OF_ANGLES: "Inside the IMU's own heading, which is used as it is.",
 }
 
