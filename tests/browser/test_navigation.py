@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from bluerov_slam.navigation.local_frame import LocalFrame
 from browser_rig import OpenPage, RunningSystem, Watch
@@ -304,6 +304,26 @@ TILE_COLOUR = """([dx, dy]) => {
 }"""
 
 
+def test_the_services_sentences_are_in_the_units_of_the_page(system: RunningSystem, open_page: OpenPage) -> None:
+    def imperial(page: Page) -> None:
+        told(state())(page)
+
+        def changed(route: Route) -> None:
+            answer = route.fetch().json()
+            for setting in answer["settings"]:
+                if setting["key"] == "display.units":
+                    setting["value"] = "imperial"
+            route.fulfill(json=answer)
+
+        page.route("**/api/settings", changed)
+
+    page = open_page(system.dashboard, prepare=imperial)
+    live(page)
+    expect(page.locator("#map-sentence")).to_contain_text("within 26.2 ft, 90 s")
+    expect(page.locator(".navigation-sentence")).to_contain_text("within 26.2 ft")
+    expect(page.get_by_role("button", name="Tiles")).to_be_hidden()
+
+
 def test_the_users_own_tiles_lie_where_they_belong(system: RunningSystem, open_page: OpenPage, watch: Watch) -> None:
     """Four tiles meet in a corner: 20 m east and 10 m north of the origin, so says the ellipsoid."""
     watch.expect_complaints("willReadFrequently")
@@ -326,5 +346,14 @@ def test_the_users_own_tiles_lie_where_they_belong(system: RunningSystem, open_p
             # One metre from the corner, at 0.15 m a pixel.
             at = [(20.0 + east) / 0.15, (-10.0 + south) / 0.15]
             until(page, lambda at=at, colour=colour: page.evaluate(TILE_COLOUR, at) == list(colour))
+        switch = page.get_by_role("button", name="Tiles")
+        switch.click()
+        expect(switch).to_have_attribute("aria-pressed", "false")
+        until(page, lambda: page.evaluate(TILE_COLOUR, [0, 0]) is None)
+        page.reload()
+        live(page)
+        expect(switch).to_have_attribute("aria-pressed", "false")
+        switch.click()
+        until(page, lambda: page.evaluate(TILE_COLOUR, [21.0 / 0.15, -9.0 / 0.15]) == [255, 255, 0])
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,6 +1,7 @@
 // @ts-check
 // The dive-start assistant: its steps, how far each one is, and the one action each needs.
 
+import { inShownUnits } from '../shared/display.js';
 import { make, setText } from '../shared/dom.js';
 import { showState, stateIcon } from '../shared/status_icons.js';
 import { ask } from '../shared/dialog.js';
@@ -47,7 +48,7 @@ export class AssistantPanel {
       showState(view.icon, STATES[step.state] ?? 'unknown');
       setText(view.title, String(step.title ?? step.id));
       setText(view.word, WORDS[step.state] ?? '');
-      setText(view.text, String(step.text ?? ''));
+      setText(view.text, inShownUnits(String(step.text ?? '')));
     }
   }
 

@@ -1,6 +1,7 @@
 // @ts-check
 // Whether the sensors agree with each other as well as they claim to, in words and as small bars.
 
+import { inShownUnits } from '../shared/display.js';
 import { make, setAttribute, setText } from '../shared/dom.js';
 import { age, count, fixed, isKnown } from '../shared/format.js';
 import { showState, stateIcon } from '../shared/status_icons.js';
@@ -63,7 +64,7 @@ export class ConsistencyPanel {
     showState(view.icon, trust.state);
     setText(view.name, String(sensor.label ?? sensor.id));
     setText(view.word, trust.word);
-    setText(view.reason, String(sensor.reason ?? ''));
+    setText(view.reason, inShownUnits(String(sensor.reason ?? '')));
     view.reason.hidden = !sensor.reason;
     setAttribute(view.root, 'data-trust', String(sensor.trust));
     const band = Array.isArray(sensor.nis_band) && sensor.nis_band.every(isKnown) ? sensor.nis_band : null;
