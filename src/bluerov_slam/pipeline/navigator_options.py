@@ -115,6 +115,9 @@ class GpsOptions:
     latency_s: float = 0.1
     period_s: float = 0.9
     lever_arm_frd_m: Vector = (0.0, 0.0, -0.15)
+    # [survey] receivers claim 0.05 m/s per axis, more in waves, whose motion they smooth; learned between half and four
+    # times this.
+    velocity_std_mps: float = 0.07
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from bluerov_slam.navigation.measurements import HorizontalPosition
 from bluerov_slam.navigation.process import Earth, ProcessModel
 from bluerov_slam.pipeline.navigator_fix import FixIntake, WanderingPosition
 from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence, Streak
+from bluerov_slam.pipeline.navigator_gps_velocity import GpsVelocity
 from bluerov_slam.pipeline.navigator_start import (
     UNKNOWN_HEADING_STD_RAD,
     UNKNOWN_POSITION_STD_M,
@@ -52,6 +53,7 @@ class Positions:
         self._core = core
         options = core.options
         self.gps = GpsGate(options.gps, core.book["gps"])
+        self.gps_velocity = GpsVelocity(core)
         self.fixes = FixIntake(options.fix, core.book["position"])
         self._wander_scale = 1.0
         self._refused: dict[str, Streak] = {
@@ -67,7 +69,10 @@ class Positions:
         """A GPS frame."""
         if record.utc_unix_s is not None:
             self._core.place.utc_unix_s = record.utc_unix_s
-        self._gps(self.gps.frame(record, self._core.depth_m(), travelled_m))
+        fix = self.gps.frame(record, self._core.depth_m(), travelled_m)
+        self._gps(fix)
+        if fix is not None:
+            self.gps_velocity.take(record, fix.at_s)
 
     def gps_sample(self, record: SensorSample, travelled_m: float) -> None:
         """The position inside SENSORS."""

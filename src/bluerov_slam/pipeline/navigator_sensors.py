@@ -27,6 +27,7 @@ NOISE_LIMITS = {
     "compass": (0.1, 4.0),
     "depth": (0.05, 5.0),
     "gps": (0.5, 3.0),
+    "gps_velocity": (0.5, 4.0),
     "position": (0.1, 4.0),
     "thrust": (0.6, 3.0),
     "dvl": (0.5, 4.0),
