@@ -115,12 +115,14 @@ def held(ours_m: float, baseline_m: float, nis: float = 1.0, outlier: bool = Fal
     return HeldOut(0, 3.0, ours_m, baseline_m, nis, outlier)
 
 
-def test_predictions_count_by_the_worse_of_two_gains_and_not_by_outliers() -> None:
+def test_predictions_count_by_their_rms_and_not_by_outliers() -> None:
     fixes = [held(1.0, 2.0), held(1.0, 2.0), held(4.0, 4.0), held(90.0, 1.0, outlier=True)]
     rows = rows_of(["N8"], [HeldOutOutcome("2022a", 10.0, fixes, GivenFixes(10, 9, 100, 2))])
     by_rms = 100.0 * (1.0 - math.sqrt(18.0 / 24.0))
     assert rows["N8.2022.10s"].interval.value == pytest.approx(by_rms)
     assert rows["N8.2022.10s"].met is False
+    assert rows["N8.2022.10s.median_gain"].interval.value == pytest.approx(50.0)
+    assert rows["N8.2022.10s.median_gain"].must is None
     assert rows["N8.2022.10s.median"].interval.value == pytest.approx(1.0)
     assert rows["N8.2022.outliers"].met is True
     assert rows["N8.2022.refused"].interval.value == pytest.approx(2.0)

@@ -317,7 +317,7 @@ def _held_out(runs: Sequence[HeldOutOutcome]) -> list[Row]:
 
 
 def _predictions(year: str, block_s: float, blocks: list[list[tuple[float, float, float]]]) -> list[Row]:
-    """Rows of one year and length. The gain is the smaller of that by RMS and that by median: none hides the other."""
+    """Rows of one year and length. Asked is the gain in RMS, as everywhere; that of the median stands beside it."""
     name = f"{year}, {block_s:.0f} s held out"
     place = f"N8.{year}.{block_s:.0f}s"
     inside = _over_blocks(blocks, lambda fixes: 100.0 * float(np.mean([inside_ellipse(nis) for *_, nis in fixes])))
@@ -325,10 +325,16 @@ def _predictions(year: str, block_s: float, blocks: list[list[tuple[float, float
         Row(
             place,
             f"{name}: better than constant velocity by",
-            _over_blocks(blocks, _gain),
+            _over_blocks(blocks, lambda fixes: _gain(fixes, _rms)),
             "%",
             Target(low=30.0),
             Target(low=50.0),
+        ),
+        Row(
+            f"{place}.median_gain",
+            f"{name}: in the median better by",
+            _over_blocks(blocks, lambda fixes: _gain(fixes, _median)),
+            "%",
         ),
         Row(f"{place}.inside", f"{name}: inside our 95 % ellipse", inside, "%", Target(90.0, 98.0)),
         Row(f"{place}.median", f"{name}: our median error", _over_blocks(blocks, lambda fixes: _median(fixes, 0)), "m"),
@@ -370,10 +376,10 @@ def _over_blocks(
     return Interval(statistic(everything), float(low), float(high))
 
 
-def _gain(fixes: list[tuple[float, float, float]]) -> float:
-    by_rms = 1.0 - _rms(fixes, 0) / _rms(fixes, 1)
-    by_median = 1.0 - _median(fixes, 0) / _median(fixes, 1)
-    return 100.0 * min(by_rms, by_median)
+def _gain(
+    fixes: list[tuple[float, float, float]], error: Callable[[list[tuple[float, float, float]], int], float]
+) -> float:
+    return 100.0 * (1.0 - error(fixes, 0) / error(fixes, 1))
 
 
 def _rms(fixes: list[tuple[float, float, float]], place: int) -> float:

@@ -284,6 +284,8 @@ class Navigator:
             self._realign(samples, field)
             return True
         core.offer(heading)
+        core.motion_measured = True
+        core.pace.hold()
         for sample in samples:
             core.timeline.strapdown(sample)
         core.motion_s = max(core.motion_s, samples[-1].at_s)
@@ -396,13 +398,7 @@ class Navigator:
         to_s = min(to_s, core.now_s)
         if angles is None and to_s - core.motion_s < options.silent_after_s:
             return False
-        aided = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
-        walk, time_s = options.kinematic_velocity_walk_mps, options.kinematic_velocity_time_s
-        if to_s - (core.last_fix_s or -math.inf) > options.adrift_after_s:
-            walk, time_s = options.adrift_velocity_walk_mps, options.adrift_velocity_time_s
-        if aided:
-            walk, time_s = options.kinematic_velocity_walk_mps, math.inf
-        core.timeline.kinematic(to_s, options.kinematic_attitude_walk_rad, walk, time_s)
+        self._move_without_imu(to_s)
         if angles is not None:
             core.motion_s = max(core.motion_s, to_s)
             core.angular_rate_frd_radps = None
@@ -411,6 +407,22 @@ class Navigator:
             core.offer(angles)
         self._aids.without_imu(core.timeline.at_s, angles is not None)
         return True
+
+    def _move_without_imu(self, to_s: float) -> None:
+        """On a measured velocity, on the habits of an ROV, or adrift."""
+        core, options = self._core, self.options.imu
+        assert core.timeline is not None
+        walk, time_s = options.kinematic_velocity_walk_mps, math.inf
+        core.motion_measured = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
+        adrift = to_s - (core.last_fix_s or -math.inf) > options.adrift_after_s
+        if core.motion_measured or adrift:
+            core.pace.hold()
+        if not core.motion_measured:
+            walk, time_s = core.pace.walk_mps, options.kinematic_velocity_time_s
+            if adrift:
+                walk, time_s = options.adrift_velocity_walk_mps, options.adrift_velocity_time_s
+            self._aids.wander_off(to_s)
+        core.timeline.kinematic(to_s, options.kinematic_attitude_walk_rad, walk, time_s)
 
     def _begin(self, start: Start) -> None:
         """The first attitude is there."""

@@ -113,6 +113,14 @@ class Aids:
             self._level_s = at_s
             self._core.offer(SensorAngles(at_s, 0.0, 0.0, None, LEVEL_STD_RAD, sensor=NO_SENSOR))
 
+    def wander_off(self, to_s: float) -> None:
+        """Before a step without any sensor of motion: the course that a pilot holds is not the one of a while ago."""
+        timeline, options = self._core.timeline, self._core.options
+        assert timeline is not None
+        elapsed_s = to_s - timeline.at_s
+        if elapsed_s > 0.0 and float(timeline.filter.std("current").max()) < options.thrust.current_std_mps:
+            timeline.buffer.add_uncertainty("current", options.imu.kinematic_course_walk_mps * math.sqrt(elapsed_s))
+
     def limit_speed(self, at_s: float) -> None:
         """One opinion in so many seconds that the speed through water is that of an ROV."""
         options = self._core.options.thrust

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from bluerov_slam.navigation.attitude.calibration import Calibration
+from bluerov_slam.pipeline.navigator_pace import Pace
 from bluerov_slam.pipeline.navigator_place import Place
 from bluerov_slam.pipeline.navigator_sensors import SensorBook
 from bluerov_slam.pipeline.navigator_timeline import Timeline
@@ -42,6 +43,8 @@ class Core:
         self.options = options
         self.book = SensorBook()
         self.place = Place(options)
+        self.pace = Pace(options.imu)
+        self.motion_measured = True
         self.calibration = Calibration()
         self.timeline: Timeline | None = None
         self.position_known = False

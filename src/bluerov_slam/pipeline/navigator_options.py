@@ -43,10 +43,15 @@ class ImuOptions:
     angle_heading_std_rad: float = math.radians(3.0)
     # Without an IMU velocity and attitude walk. [logs] yaw rate 17 to 23 deg/s at the 95th percentile.
     kinematic_attitude_walk_rad: float = 0.35
-    # An ROV stops and turns within seconds: where nothing measures its velocity it dies away, and keeps 0.4 m/s
-    # rms.
-    kinematic_velocity_walk_mps: float = 0.25
-    kinematic_velocity_time_s: float = 6.0
+    kinematic_velocity_walk_mps: float = 0.25  # while thrusters or a DVL tell the velocity
+    # Where nothing does, it goes over into the water's within seconds, as an ROV stops and turns, [logs] with 0.5 m/s
+    # rms per axis on lively dives and less on quiet ones: learned within these limits.
+    kinematic_velocity_time_s: float = 4.0
+    kinematic_speed_std_mps: float = 0.5
+    kinematic_speed_limits_mps: tuple[float, float] = (0.15, 0.7)
+    # [choice] a pilot holds a course for a minute or two. Then current and course look the same, and the current stands
+    # for both: it wanders until it is as unknown as a current may be.
+    kinematic_course_walk_mps: float = 0.016
     # What is left when nothing was measured for longer: adrift with a current, 0.46 m/s rms that last.
     adrift_after_s: float = 30.0
     adrift_velocity_walk_mps: float = 0.12
@@ -128,7 +133,10 @@ class FixOptions:
     # [survey] jitter of centimetres, slow errors of 1 to 8 m: most of the error lasts from fix to fix.
     white_share: float = 0.4
     wander_time_s: float = 30.0
+    # [choice] refused fixes that agree with each other for so long are believed, with a reset: what the vehicle itself
+    # measures leads it astray by a few metres in half a minute, where it measures nothing by ten within ten seconds.
     jump_persists_s: float = 30.0
+    jump_persists_unaided_s: float = 10.0
     latency_s: float = 0.0
     lever_arm_frd_m: Vector = (0.0, 0.0, 0.0)
 

@@ -125,6 +125,10 @@ _SPECIAL = {
     ("position", Fault.IMPOSSIBLE): (
         "The position system sends a place that does not exist, or an impossible uncertainty. Check its set-up."
     ),
+    ("position", Fault.FROZEN): (
+        "The position system repeats exactly the same place, which no working one does. It hangs, or has lost the "
+        "vehicle's beacon: check the beacon, restart the system."
+    ),
     ("position", Fault.SILENT): "No position fixes come any more. Check the position system and its beacon.",
     ("thrust", Fault.PWM_RANGE): (
         "The autopilot reports impossible thruster signals. Check that channels 1 to 6 or 8 drive the thrusters."
