@@ -304,6 +304,45 @@ TILE_COLOUR = """([dx, dy]) => {
 }"""
 
 
+MOVED = """() => {
+    window.moves = [];
+    const canvas = document.querySelectorAll('.map-canvas')[0];
+    new MutationObserver(() => window.moves.push(canvas.style.transform)).observe(canvas, {attributes: true});
+}"""
+
+
+def test_a_track_that_is_dear_to_draw_is_moved_while_it_is_dragged(system: RunningSystem, open_page: OpenPage) -> None:
+    """Without an IMU a track jitters: thousands of pieces of line in every picture."""
+    points = [
+        [1e3 + k, 20.0 * ((k * 7919) % 97) / 97.0, k / 40.0, 5.0, 3.0, 0.5, "dead_reckoning"] for k in range(4000)
+    ]
+
+    def prepare(page: Page) -> None:
+        told(state())(page)
+        track = {"origin": state()["origin"], "points": points, "fixes": []}
+        page.route("**/api/navigation/track*", lambda route: route.fulfill(json=track))
+
+    page = open_page(system.dashboard, prepare=prepare, reduced_motion="reduce")
+    live(page)
+    page.get_by_role("button", name="Fit").click()
+    page.wait_for_timeout(300)
+    page.evaluate(MOVED)
+    box = page.locator(".map-target").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(1, 13):
+        page.mouse.move(x + 5 * step, y + 3 * step)
+    page.mouse.up()
+    moves = page.evaluate("window.moves")
+    moved = [tuple(map(float, re.findall(r"-?[\d.]+", move))) for move in moves if move]
+    # As the hand moves: to the right and down.
+    assert moved
+    assert all(right >= 0.0 and down >= 0.0 and right + down > 0.0 for right, down in moved)
+    until(page, lambda: page.evaluate("document.querySelectorAll('.map-canvas')[0].style.transform") == "")
+
+
 def test_the_services_sentences_are_in_the_units_of_the_page(system: RunningSystem, open_page: OpenPage) -> None:
     def imperial(page: Page) -> None:
         told(state())(page)
