@@ -224,6 +224,7 @@ class Navigator:
         self._trust = TrustEvents(core)
         self._actions = Actions(core, self._depth)
         self._burst_s = -math.inf
+        self._heading_s = -math.inf
         self._angles_s = -math.inf
         self._autopilot_s = -math.inf
         self._handlers: dict[type, Callable[[Any], bool]] = {
@@ -283,7 +284,9 @@ class Navigator:
         elif samples[0].at_s - core.motion_s > REALIGN_AFTER_S:
             self._realign(samples, field)
             return True
-        core.offer(heading)
+        if heading is not None and heading.at_s - self._heading_s > self.options.compass.filter_period_s - 1e-3:
+            self._heading_s = heading.at_s
+            core.offer(heading)
         core.motion_measured = True
         core.pace.hold()
         for sample in samples:

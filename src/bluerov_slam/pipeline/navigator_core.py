@@ -65,9 +65,11 @@ class Core:
             filter_,
             options.gate_probability,
             options.jump_m,
+            options.jump_share_of_std,
             options.jump_heading_rad,
             self._on_jump,
             options.imu.gyro_scale_std,
+            options.imu.gyro_cross_axis_std,
         )
         return self.timeline
 

@@ -71,6 +71,8 @@ class Output:
             position = (north, east, down)
         else:
             pose[:2, :] = pose[:, :2] = np.nan
+        pose[3, 3] += core.options.imu.tilt_least_std_rad**2
+        pose[4, 4] += core.options.imu.tilt_least_std_rad**2
         depth_m = float(estimate.values[2])
         depth_std_m: float | None = math.hypot(math.sqrt(pose[2, 2]), self._depth.scale_std_m(depth_m))
         pose[2, 2] = depth_std_m**2 if depth_std_m is not None else np.nan

@@ -33,6 +33,8 @@ NOISE_LIMITS = {
     "dvl": (0.5, 4.0),
 }
 LEARNING = 0.015
+# Values that come one in four seconds must tell more each, or a dive is over before anything was learned.
+LEARNING_RARE = {"thrust": 0.05}
 # One value tells no more than this, so that an outlier teaches nothing.
 MOST_TOLD = 4.0
 
@@ -118,7 +120,8 @@ class SensorStatus:
 
     def _learn(self, ratio: float) -> None:
         low, high = NOISE_LIMITS.get(self.name, (1.0, 1.0))
-        scale = self.noise_scale * math.exp(LEARNING * (min(ratio, MOST_TOLD) - 1.0))
+        learning = LEARNING_RARE.get(self.name, LEARNING)
+        scale = self.noise_scale * math.exp(learning * (min(ratio, MOST_TOLD) - 1.0))
         self.noise_scale = min(max(scale, low), high)
 
     def _trust(self, now_s: float) -> tuple[SensorTrust, str]:
