@@ -136,6 +136,8 @@ export function verdict(sensors) {
     return `Not trusted: ${doubted.map(label).join(', ')}. The position goes on without, and its uncertainty grows.`;
   const used = sensors.filter((s) => s.trust === 'used');
   if (used.length === 0) return 'No sensor is used yet.';
+  const odd = used.filter((s) => s.reason);
+  if (odd.length > 0) return `${odd.map(label).join(', ')}: used, but something is odd. It says below what.`;
   const strained = used.filter(
     (s) => isKnown(s.nis_ratio) && Array.isArray(s.nis_band) && s.nis_ratio > s.nis_band[1],
   );

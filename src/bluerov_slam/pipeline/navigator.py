@@ -348,6 +348,7 @@ class Navigator:
         if velocity is not None and core.heading_known():
             core.thrust_s = core.velocity_aid_s = measured_s
             core.offer(velocity)
+            self._aids.watch_thrust_scale(measured_s)
         return self._catch_up(measured_s, record.arrived_s) and False
 
     def _on_battery(self, record: VehicleBattery) -> bool:

@@ -52,6 +52,7 @@ class SensorStatus:
         self.rejected_in_a_row = 0
         self.noise_scale = 1.0
         self.wait: Wait | None = None
+        self.remark = ""
         self.faults: dict[Fault, int] = {}
         self._fault: Fault | None = None
         self._fault_s = 0.0
@@ -75,6 +76,11 @@ class SensorStatus:
         self.hear(at_s)
         self.changed |= wait is not self.wait
         self.wait = wait
+
+    def note(self, remark: str) -> None:
+        """What a user should know of a sensor although it is used; empty: nothing."""
+        self.changed |= remark != self.remark
+        self.remark = remark
 
     def use(self, at_s: float, nis: float | None = None, dof: int = 0) -> None:
         """A value went into the estimate."""
@@ -138,7 +144,7 @@ class SensorStatus:
             return SensorTrust.REJECTED, rejected_text(self.name)
         if self.used_s is None:
             return SensorTrust.WAITING, wait_text(Wait.NO_ATTITUDE)
-        return SensorTrust.USED, ""
+        return SensorTrust.USED, self.remark
 
 
 class SensorBook:

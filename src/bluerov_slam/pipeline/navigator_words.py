@@ -179,6 +179,19 @@ _REJECTED = {
 }
 
 
+def odd_thrust_text(off_percent: float) -> str:
+    """A vehicle whose thrusters drive it much faster or slower than any usual one."""
+    if off_percent < 0.0:
+        return (
+            f"The thrusters move the vehicle {-off_percent:.0f} % slower than they should: a propeller is lost or "
+            "fouled, the vehicle drags something, or the frame is set wrong. Speed and current are trusted less."
+        )
+    return (
+        f"The thrusters move the vehicle {off_percent:.0f} % faster than they should: the battery voltage or the frame "
+        "is set wrong, or something tows it. Speed and current are trusted less."
+    )
+
+
 def fault_text(sensor: str, fault: Fault) -> str:
     """What is wrong with a sensor, the cause and the cure."""
     return _SPECIAL.get((sensor, fault)) or _GENERAL[fault]
