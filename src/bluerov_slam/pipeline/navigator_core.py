@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # A body velocity means nothing in NED while the heading is this uncertain.
 HEADING_KNOWN_RAD = 0.6
+# The first fixes are averaged: what they move the position by is no jump yet.
+SETTLING_S = 15.0
 # A sensor that is rejected so many times in a row shows that the estimate was too sure: what it measures becomes
 # uncertain again, and what it says next is weighed against that. Positions have a rule of their own.
 STUBBORN: dict[str, tuple[int, tuple[tuple[str, float | tuple[float, ...]], ...]]] = {
@@ -48,6 +50,7 @@ class Core:
         self.calibration = Calibration()
         self.timeline: Timeline | None = None
         self.position_known = False
+        self.position_since_s = -math.inf
         self.last_fix_s: float | None = None
         self.motion_s = -math.inf
         self.velocity_aid_s = -math.inf
@@ -123,5 +126,5 @@ class Core:
         return rate
 
     def _on_jump(self) -> None:
-        if self.position_known:
+        if self.position_known and self.now_s - self.position_since_s > SETTLING_S:
             self.reset_counter += 1

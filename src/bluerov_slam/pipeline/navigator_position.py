@@ -172,6 +172,7 @@ class Positions:
             self._refused[source].end()
             if not core.position_known:
                 core.position_known = True
+                core.position_since_s = core.now_s
                 core.say(f"Position known, from {LABELS[source]}")
             core.last_fix_s = result.at_s
             if source == "position":
