@@ -25,7 +25,7 @@ from bluerov_slam.evaluation.statistics import (
     ratio_of_sums,
     total_dof,
 )
-from bluerov_slam.pipeline.navigator_sensors import SENSOR_NAMES
+from bluerov_slam.pipeline.navigator_aids import NO_SENSOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -244,7 +244,7 @@ def _consistency(dives: Sequence[DiveOutcome]) -> list[Row]:
         groups.setdefault((each.case, each.conditions), []).append(each)
     for (case, conditions), runs in groups.items():
         rows += _in_band(f"N6.{case}.{conditions}", f"{case} {conditions}", runs, None)
-    sensors = sorted({sensor for each in judged for sensor in each.nis} & set(SENSOR_NAMES))
+    sensors = sorted({sensor for each in judged for sensor in each.nis} - {NO_SENSOR})
     for sensor in sensors:
         sums = np.array([(each.nis[sensor].nis, each.nis[sensor].dof) for each in judged if sensor in each.nis])
         if sums[:, 1].sum() < _FEW_TESTED:
