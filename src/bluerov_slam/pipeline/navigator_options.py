@@ -1,7 +1,8 @@
 """Every figure of the navigator that the vehicle itself does not measure.
 
-The defaults are what somebody knows who has read datasheets and the literature; no simulator was asked. Sources in
-short: [HWT905], [MS5837] the makers' registers and claims; [logs] measured on autopilot logs of BlueROV2; [survey] the
+The defaults are what somebody knows who has read datasheets and the literature; none is a figure of the simulator. Where
+that leaves a range, tuning dives (seeds 0 to 99) had a say: in the IMU's noises, walks and latency, the compass's
+period and the thrust scale's walk. Sources in short: [HWT905], [MS5837] the makers' registers and claims; [logs] measured on autopilot logs of BlueROV2; [survey] the
 literature on vehicles without DVL; [choice] a decision of ours. White noises are per root hertz, random walks per root
 second.
 """
@@ -40,7 +41,7 @@ class ImuOptions:
     tilt_least_std_rad: float = math.radians(0.1)
     # Turns the readings of an IMU that is not mounted as the firmware assumes.
     mounting_rpy_deg: Vector = (0.0, 0.0, 0.0)
-    # Age of a sample when it is stamped. [HWT905] its filter of 20 Hz, 8 ms, and half a cycle of 200 Hz.
+    # Age of a sample when it is stamped. [choice] a sensor that filters at 20 Hz lags by 8 ms, and by half a cycle.
     latency_s: float = 0.012
     silent_after_s: float = 0.5
     # The sensor's own angles. [HWT905] claims 0.1 deg in motion, but waves accelerate the vehicle; [survey] heading 2
