@@ -16,6 +16,8 @@ import filterpy
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
+from bluerov_slam.navigation.rotation import log_so3
+
 STATES = 15
 
 
@@ -48,6 +50,11 @@ class Nominal:
         vector[:6] += error[:6]
         vector[6:] += error[9:]
         return Nominal(exponential(error[6:9]) @ self.rotation, vector)
+
+    def minus(self, other: Nominal) -> np.ndarray:
+        """The error that `plus` puts onto the other to make it this one."""
+        difference = self.vector - other.vector
+        return np.concatenate([difference[:6], log_so3(self.rotation @ other.rotation.T), difference[6:]])
 
 
 class PlainModel:
@@ -153,7 +160,7 @@ def _navlie_state(kinds: Any, nominal: Nominal, stamp: float) -> Any:
             return NominalState(self.value.plus(np.ravel(dx)), self.stamp)
 
         def minus(self, x: Any) -> np.ndarray:
-            raise NotImplementedError
+            return self.value.minus(x.value)
 
         def copy(self) -> Any:
             return NominalState(self.value.copy(), self.stamp)

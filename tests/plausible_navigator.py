@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bluerov_slam.navigation.seawater import WaterColumn
 from bluerov_slam.pipeline.navigator import NavigatorAction, NavigatorCommand, NavigatorOptions, SavedNavigation
+from bluerov_slam.pipeline.navigator_water import Water
 from bluerov_slam.records import (
     CtdSample,
     Event,
@@ -66,8 +68,9 @@ class PlausibleNavigator:
         self._fix_s: float | None = None
         self._distance_m = 0.0
         self._resets = 0
+        self._water = Water(0.016)
         self._counts = {"gps": [0, 0], "position": [0, 0], "depth": [0, 0], "compass": [0, 0]}
-        kinds = ("gyro", "accelerometer", "magnetometer", "swing")
+        kinds = ("gyro", "accelerometer", "magnetometer", "thruster_field", "swing", "course_swing")
         self._kinds = {kind: Progress(kind, "none") for kind in kinds}
         if saved is not None and saved.position_known:
             self._origin, self._known = saved.origin_deg, True
@@ -78,6 +81,7 @@ class PlausibleNavigator:
     def feed(self, record: Record) -> list[NavState | Event]:
         if isinstance(record, CtdSample):
             self._depth_m = record.depth_m
+            self._water.take(record, record.surface_pressure_pa)
         elif isinstance(record, GpsFix):
             if record.satellites == KILLER_SATELLITES:
                 os.kill(os.getpid(), signal.SIGKILL)
@@ -121,6 +125,9 @@ class PlausibleNavigator:
             reset_counter=self._resets,
             calibration={"gyro": [0.0, 0.0, 0.0]},
         )
+
+    def water_column(self) -> WaterColumn | None:
+        return self._water.column
 
     def calibrations(self) -> list[Progress]:
         return list(self._kinds.values())

@@ -486,7 +486,8 @@ class NavSensor:
     """What the navigator makes of one sensor.
 
     `nis_ratio` is the mean of NIS / degrees of freedom over the last `nis_count` tested values (near 1 when the stated
-    errors are right), None before the first. `reason` says in words why it is not used, with the cure; empty if used.
+    errors are right), None before the first. `reason` says in words why it is not used, with the cure, or what
+    is odd about one that is; else empty.
     """
 
     name: str

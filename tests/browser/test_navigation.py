@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from bluerov_slam.navigation.local_frame import LocalFrame
 from browser_rig import OpenPage, RunningSystem, Watch
@@ -243,13 +243,35 @@ def test_a_calibration_starts_says_what_to_do_and_is_cancelled(system: RunningSy
     page = open_page(system.dashboard)
     live(page)
     open_tab(page, "Navigation")
-    expect(page.locator(".assistant-steps li")).to_have_count(4)
+    expect(page.locator(".assistant-steps li")).to_have_count(6)
     gyro = page.locator(".calibration", has_text="Gyro")
     gyro.get_by_role("button", name=re.compile("Start|Repeat")).click()
     expect(gyro.locator(".instruction")).to_have_text(re.compile(r"\w+ \w+"))
     expect(page.locator(".calibration", has_text="Accelerometer").get_by_role("button", name="Start")).to_be_disabled()
     gyro.get_by_role("button", name="Cancel").click()
     expect(gyro.get_by_role("button", name=re.compile("Start|Repeat"))).to_be_enabled()
+
+
+def test_the_assistant_begins_a_compass_swing_and_says_what_the_thrusters_field_wants(
+    system: RunningSystem, open_page: OpenPage, watch: Watch
+) -> None:
+    watch.expect_complaints("409")  # what is refused
+    page = open_page(system.dashboard)
+    live(page)
+    open_tab(page, "Navigation")
+    step = page.locator(".assistant-steps li", has_text="Swing the compass")
+    step.get_by_role("button", name="Begin").click()
+    swing = page.locator('.calibration[data-kind="swing"]')
+    expect(swing).to_contain_text("two turns on the spot")
+    expect(swing.locator(".instruction")).to_contain_text("turn slowly on the spot")
+    expect(swing).to_be_in_viewport()
+    expect(step).to_contain_text("degrees to go")
+    swing.get_by_role("button", name="Cancel").click()
+    expect(step).to_contain_text("two slow turns")
+    # The virtual vehicle's magnetometer was never calibrated: the thrusters' field has nothing to be measured against.
+    page.locator(".assistant-steps li", has_text="thrusters' field").get_by_role("button", name="Begin").click()
+    expect(page.get_by_text(re.compile("[Cc]alibrate the magnetometer first")).first).to_be_visible()
+    expect(page.locator('.calibration[data-kind="course_swing"]')).to_contain_text("driving under GPS")
 
 
 def test_the_autopilot_panel_says_why_it_cannot_ask(system: RunningSystem, open_page: OpenPage) -> None:
@@ -282,6 +304,65 @@ TILE_COLOUR = """([dx, dy]) => {
 }"""
 
 
+MOVED = """() => {
+    window.moves = [];
+    const canvas = document.querySelectorAll('.map-canvas')[0];
+    new MutationObserver(() => window.moves.push(canvas.style.transform)).observe(canvas, {attributes: true});
+}"""
+
+
+def test_a_track_that_is_dear_to_draw_is_moved_while_it_is_dragged(system: RunningSystem, open_page: OpenPage) -> None:
+    """Without an IMU a track jitters: thousands of pieces of line in every picture."""
+    points = [
+        [1e3 + k, 20.0 * ((k * 7919) % 97) / 97.0, k / 40.0, 5.0, 3.0, 0.5, "dead_reckoning"] for k in range(4000)
+    ]
+
+    def prepare(page: Page) -> None:
+        told(state())(page)
+        track = {"origin": state()["origin"], "points": points, "fixes": []}
+        page.route("**/api/navigation/track*", lambda route: route.fulfill(json=track))
+
+    page = open_page(system.dashboard, prepare=prepare, reduced_motion="reduce")
+    live(page)
+    page.get_by_role("button", name="Fit").click()
+    page.wait_for_timeout(300)
+    page.evaluate(MOVED)
+    box = page.locator(".map-target").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(1, 13):
+        page.mouse.move(x + 5 * step, y + 3 * step)
+    page.mouse.up()
+    moves = page.evaluate("window.moves")
+    moved = [tuple(map(float, re.findall(r"-?[\d.]+(?:e-?\d+)?", move))) for move in moves if move]
+    # As the hand moves: to the right and down.
+    assert all(right >= 0.0 and down >= 0.0 for right, down in moved)
+    assert max(moved) > (4.0, 2.0)
+    until(page, lambda: page.evaluate("document.querySelectorAll('.map-canvas')[0].style.transform") == "")
+
+
+def test_the_services_sentences_are_in_the_units_of_the_page(system: RunningSystem, open_page: OpenPage) -> None:
+    def imperial(page: Page) -> None:
+        told(state())(page)
+
+        def changed(route: Route) -> None:
+            answer = route.fetch().json()
+            for setting in answer["settings"]:
+                if setting["key"] == "display.units":
+                    setting["value"] = "imperial"
+            route.fulfill(json=answer)
+
+        page.route("**/api/settings", changed)
+
+    page = open_page(system.dashboard, prepare=imperial)
+    live(page)
+    expect(page.locator("#map-sentence")).to_contain_text("within 26.2 ft, 90 s")
+    expect(page.locator(".navigation-sentence")).to_contain_text("within 26.2 ft")
+    expect(page.get_by_role("button", name="Tiles")).to_be_hidden()
+
+
 def test_the_users_own_tiles_lie_where_they_belong(system: RunningSystem, open_page: OpenPage, watch: Watch) -> None:
     """Four tiles meet in a corner: 20 m east and 10 m north of the origin, so says the ellipsoid."""
     watch.expect_complaints("willReadFrequently")
@@ -304,5 +385,14 @@ def test_the_users_own_tiles_lie_where_they_belong(system: RunningSystem, open_p
             # One metre from the corner, at 0.15 m a pixel.
             at = [(20.0 + east) / 0.15, (-10.0 + south) / 0.15]
             until(page, lambda at=at, colour=colour: page.evaluate(TILE_COLOUR, at) == list(colour))
+        switch = page.get_by_role("button", name="Tiles")
+        switch.click()
+        expect(switch).to_have_attribute("aria-pressed", "false")
+        until(page, lambda: page.evaluate(TILE_COLOUR, [0, 0]) is None)
+        page.reload()
+        live(page)
+        expect(switch).to_have_attribute("aria-pressed", "false")
+        switch.click()
+        until(page, lambda: page.evaluate(TILE_COLOUR, [21.0 / 0.15, -9.0 / 0.15]) == [255, 255, 0])
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -61,6 +61,29 @@ def test_a_wild_fix_judges_nobody_and_a_copy_is_asked() -> None:
     assert [each.ours_m for each in wild if each.block == 1] == [each.ours_m for each in calm if each.block == 1]
 
 
+def outliers(moves: dict[int, float], count: int = 60) -> list[int]:
+    """Which fixes are outliers of a vehicle under way at 0.5 m/s, some of them moved aside by so many metres."""
+    at_s = np.arange(float(count))
+    places = np.column_stack((0.5 * at_s, np.array([moves.get(second, 0.0) for second in range(count)])))
+    return np.flatnonzero(held_out_fixes._outliers(at_s, places)).tolist()
+
+
+def test_an_outlier_leaves_and_comes_back() -> None:
+    assert outliers({30: 20.0}) == [30]
+    assert outliers({30: -9.0}) == [30]
+    assert outliers(dict.fromkeys(range(30, 37), 40.0)) == list(range(30, 37))
+    # Of 4 m a vehicle and the noise of two fixes may be off.
+    assert outliers({30: 4.0}) == []
+
+
+def test_a_step_that_stays_is_no_outlier_nor_is_a_fix_after_a_long_gap() -> None:
+    assert outliers(dict.fromkeys(range(30, 60), 20.0)) == []
+    assert outliers({59: 20.0}) == []
+    at_s, places = np.array([0.0, 1.0, 31.0, 61.0, 62.0]), np.zeros((5, 2))
+    places[2] = 50.0
+    assert not held_out_fixes._outliers(at_s, places).any()
+
+
 def test_the_ellipse_is_that_of_95_percent() -> None:
     assert inside_ellipse(5.9)
     assert not inside_ellipse(6.1)

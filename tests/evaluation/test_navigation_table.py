@@ -22,7 +22,7 @@ from bluerov_slam.evaluation.navigation_table import Row, Target, table
 from bluerov_slam.evaluation.simulated_dive import PathFigures
 from bluerov_slam.evaluation.snapir_case import SnapirFigures
 
-PATH = PathFigures(20.0, 60.0, 6.0, 12.0, (1.0, 2.0, 3.0), 0.02, 0.95, 0.93, 2.0, 1961)
+PATH = PathFigures(20.0, 60.0, 6.0, 12.0, (1.0, 2.0, 3.0), 0.02, 0.95, 0.93, 2.0, 6.6, 1961)
 DIVE = DiveOutcome(
     "N2",
     "hard",
@@ -76,11 +76,19 @@ def test_the_rubber_band_has_to_be_beaten_on_each_dive() -> None:
 
 
 def test_consistency_wants_the_band_filled_and_every_sensor_s_nis_right() -> None:
-    few = replace(DIVE, seed=1, judged=replace(PATH, position_in_band=0.80, epochs=1961))
-    rows = rows_of(["N6"], [DIVE, few])
-    assert rows["N6.nees.N2.hard"].interval.value == pytest.approx(87.5)
-    assert rows["N6.nees.N2.hard"].met is False
-    assert rows["N6.nees.N2.hard.pose"].met is True
+    few = replace(DIVE, case="N4", judged=replace(PATH, pose_in_band=0.79, position_nees=1.0, epochs=1961))
+    odd = {"prior": SensorNis(9000, 0, 90.0, 9000), **DIVE.nis}
+    rows = rows_of(["N6"], [replace(DIVE, nis=odd), few, replace(DIVE, conditions="still")])
+    assert rows["N6"].interval.value == pytest.approx(86.0)
+    assert rows["N6"].met is False
+    assert rows["N6.mean"].interval.value == pytest.approx(1.1)
+    assert rows["N6.position"].interval.value == pytest.approx(95.0)
+    assert rows["N6.position"].met is True
+    assert rows["N6.position.mean"].interval.value == pytest.approx(0.75)
+    assert rows["N6.N2.hard"].interval.value == pytest.approx(93.0)
+    assert rows["N6.N4.hard"].met is None, "told to find the cause; the verdict is on all of them"
+    assert "N6.nis.prior" not in rows
+    assert "N6.N2.still" not in rows
     assert rows["N6.nis.gps"].interval.value == pytest.approx(1.0)
     assert rows["N6.nis.gps"].met is True
     assert rows["N6.nis.compass"].met is False
@@ -115,12 +123,14 @@ def held(ours_m: float, baseline_m: float, nis: float = 1.0, outlier: bool = Fal
     return HeldOut(0, 3.0, ours_m, baseline_m, nis, outlier)
 
 
-def test_predictions_count_by_the_worse_of_two_gains_and_not_by_outliers() -> None:
+def test_predictions_count_by_their_rms_and_not_by_outliers() -> None:
     fixes = [held(1.0, 2.0), held(1.0, 2.0), held(4.0, 4.0), held(90.0, 1.0, outlier=True)]
     rows = rows_of(["N8"], [HeldOutOutcome("2022a", 10.0, fixes, GivenFixes(10, 9, 100, 2))])
     by_rms = 100.0 * (1.0 - math.sqrt(18.0 / 24.0))
     assert rows["N8.2022.10s"].interval.value == pytest.approx(by_rms)
     assert rows["N8.2022.10s"].met is False
+    assert rows["N8.2022.10s.median_gain"].interval.value == pytest.approx(50.0)
+    assert rows["N8.2022.10s.median_gain"].must is None
     assert rows["N8.2022.10s.median"].interval.value == pytest.approx(1.0)
     assert rows["N8.2022.outliers"].met is True
     assert rows["N8.2022.refused"].interval.value == pytest.approx(2.0)

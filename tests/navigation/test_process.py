@@ -55,11 +55,13 @@ def test_transition_is_the_derivative_of_the_prediction(name, seed):
     np.testing.assert_allclose(transition, expected, atol=3e-6)
 
 
+@pytest.mark.parametrize("time_s", [math.inf, 4.0])
 @pytest.mark.parametrize("name", LAYOUTS)
 @given(seed=seeds)
-def test_kinematic_transition_is_its_derivative(name, seed):
+def test_kinematic_transition_is_its_derivative(name, time_s, seed):
     layout = LAYOUTS[name]
     model = ProcessModel(layout)
+    model.kinematic_velocity_time_s = time_s
     start = random_estimate(layout, seed)
     end = start.copy()
     top = model.kinematic(end, 0.7)
@@ -71,6 +73,17 @@ def test_kinematic_transition_is_its_derivative(name, seed):
 
     decay = model.propagate(np.eye(layout.size), top, 0.7)
     np.testing.assert_allclose(whole_transition(model, top, decay), derivative(predicted, start), atol=1e-8)
+
+
+def test_without_an_imu_drag_takes_the_vehicle_along_with_the_current():
+    model = ProcessModel(FULL)
+    model.kinematic_velocity_time_s = 4.0
+    estimate = NavEstimate(FULL, 0.0, velocity=(1.0, 0.0, 0.2), current=(-0.1, 0.3))
+    for _ in range(100):
+        model.kinematic(estimate, 0.4)
+    assert estimate.velocity_ned_mps == pytest.approx([-0.1, 0.3, 0.0], abs=1e-4)
+    # The way through the water is the speed through it for 4 s, whatever the steps.
+    assert estimate.position_ned_m == pytest.approx([1.1 * 4.0 - 4.0, -0.3 * 4.0 + 12.0, 0.8], abs=1e-3)
 
 
 @given(seeds)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
 from bluerov_slam.navigation.chi_square import chi_square_quantile
-from bluerov_slam.navigation.ekf import ErrorStateFilter
+from bluerov_slam.navigation.ekf import ErrorStateFilter, Innovation
 from bluerov_slam.navigation.measurements import BlockValue, HorizontalPosition
 from bluerov_slam.navigation.process import ProcessNoise
 from bluerov_slam.navigation.smoother import PredictionStep, StepRecorder, smooth
@@ -190,6 +191,45 @@ def test_a_reset_keeps_what_came_later_from_what_was_before():
     np.testing.assert_allclose(second.covariance[:2, :2], before[1], rtol=1e-6)
     assert first.estimate.position_ned_m[0] == pytest.approx(0.0, abs=1e-2)
     assert third.estimate.position_ned_m[0] == pytest.approx(101.0, abs=1e-2)
+
+
+@dataclass(frozen=True)
+class ShareOfWander:
+    """A position with a share of GPS's slow error in it."""
+
+    at_s: float
+    value: np.ndarray
+    share: np.ndarray
+    sensor: str = "test"
+
+    def evaluate(self, estimate, layout):
+        place = layout["gps_wander"]
+        jacobian = np.zeros((2, layout.size))
+        jacobian[:, :2] = np.eye(2)
+        jacobian[:, place] = self.share
+        expected = estimate.values[:2] + self.share @ estimate.values[place]
+        return Innovation(self.value - expected, jacobian, 0.04 * np.eye(2))
+
+
+def test_errors_that_were_mixed_are_a_change_of_variables():
+    """What is later measured of the mixed position is the same as if it had been measured of the old ones."""
+    share = np.array([[0.5, 0.2], [0.0, -0.3], [0.0, 0.0]])
+    recorders = StepRecorder(0.0), StepRecorder(0.0)
+    cores = [full_filter(recorder=recorder) for recorder in recorders]
+    fixes = np.random.default_rng(4).normal(size=(4, 2))
+    for core in cores:
+        core.predict_kinematic(1.0, 1e-3, 0.1)
+        core.update(HorizontalPosition(1.0, *fixes[0], np.eye(2), "gps", (0.0, 0.0, 0.0), True))
+    # Only once and without time between: the two differ in what the wander's decay does to the mixed position.
+    cores[0].mix_errors("position", "gps_wander", share)
+    for fix in fixes[1:]:
+        cores[0].update(ShareOfWander(1.0, fix, np.zeros((2, 2))), None, None)
+        cores[1].update(ShareOfWander(1.0, fix, share[:2]), None, None)
+    for mixed, plain in zip(*(smooth(recorder.steps) for recorder in recorders), strict=True):
+        np.testing.assert_allclose(mixed.covariance, plain.covariance, atol=1e-12)
+    change = np.eye(FULL.size)
+    change[:3, FULL["gps_wander"]] = share
+    np.testing.assert_allclose(cores[0].covariance, change @ cores[1].covariance @ change.T, atol=1e-12)
 
 
 def test_states_are_kept_as_far_apart_as_asked_and_the_ends_always():

@@ -90,7 +90,9 @@ class Bench:
     def gps(self, at_s: float) -> GpsFix:
         self.gps_error = 0.98 * self.gps_error + 0.2 * self.gps_std_m * self.rng.standard_normal(2)
         latitude, longitude = self.place(at_s)
-        fix = GpsFix(at_s, at_s + 0.2, FixType.FIX_3D, 10, 0.9, latitude, longitude, 5.0, 0.0, 0.0, 1.79e9 + at_s)
+        speed = math.hypot(self.north_mps, self.east_mps) + abs(0.05 * float(self.rng.standard_normal()))
+        course = math.atan2(self.east_mps, self.north_mps) % math.tau if speed > 0.3 else None
+        fix = GpsFix(at_s, at_s + 0.2, FixType.FIX_3D, 10, 0.9, latitude, longitude, 5.0, speed, course, 1.79e9 + at_s)
         return moved(fix, *self.gps_error)
 
     def sensors(self, at_s: float) -> SensorSample:

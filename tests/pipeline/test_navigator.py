@@ -1,4 +1,5 @@
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -193,14 +194,15 @@ def test_outside_fixes_place_the_vehicle_where_there_is_no_gps() -> None:
 
 def test_many_fixes_with_one_error_do_not_make_it_sure() -> None:
     """Five fixes a second that all share one offset of 2 m: the stated error must not shrink below it."""
-    bench = Bench()
+    bench, jitter = Bench(), np.random.default_rng(2)
 
     def acoustic(record: Record) -> list[Record]:
         if isinstance(record, GpsFix):
             return []
         if isinstance(record, SensorSample) and round(record.measured_s * 10) % 2 == 0:
             fix = bench.fix(record.measured_s)
-            return [record, replace(fix, latitude_deg=fix.latitude_deg + 2.0 / 111_195.0)]
+            jitter_m = 0.03 * float(jitter.standard_normal())
+            return [record, replace(fix, latitude_deg=fix.latitude_deg + (2.0 + jitter_m) / 111_195.0)]
         return [record]
 
     result = run(bench.records(60.0), acoustic)
@@ -282,3 +284,37 @@ def test_a_jump_of_the_position_counts_up_the_reset_counter() -> None:
     drifted.feed(bench.records(120.0), lambda record: None if isinstance(record, GpsFix) else record)
     drifted.feed(bench.records(8.0), lambda record: moved(record, 15.0, 0.0) if isinstance(record, GpsFix) else record)
     assert drifted.last.reset_counter >= 1
+
+
+def test_thrusters_that_drive_a_vehicle_far_too_slowly_are_told_in_words_and_trusted_less() -> None:
+    bench = Bench(heading_rad=0.0, north_mps=0.3, gps_std_m=0.3)
+    ahead = (1400, 1400, 1600, 1600, 1500, 1500) + (0,) * 10
+
+    def driven(records: Iterable[Record]) -> Iterator[Record]:
+        for record in records:
+            yield record
+            if isinstance(record, ImuBurst):
+                yield bench.servos(record.arrived_s, ahead)
+
+    result = run(driven(bench.records(30.0)))
+    assert result.sensor("thrust").reason == ""
+    filter_ = result.navigator._core.timeline.filter
+    usual_std = filter_.std("thrust_scale")[0]
+    filter_.estimate.block("thrust_scale")[0] = -0.5  # as if a propeller had been lost for long
+    result.feed(driven(bench.records(6.0)))
+    thrust = result.sensor("thrust")
+    assert thrust.trust is SensorTrust.USED
+    assert "% slower than they should" in thrust.reason
+    assert thrust.reason in [event.text for event in result.events]
+    assert filter_.std("thrust_scale")[0] > 1.1 * usual_std
+    filter_.estimate.block("thrust_scale")[0] = 0.1
+    result.feed(driven(bench.records(6.0)))
+    assert result.sensor("thrust").reason == ""
+
+
+def test_no_tilt_is_stated_more_surely_than_its_sensor_can_know() -> None:
+    result = run(Bench().records(120.0))
+    covariance = result.last.pose_covariance
+    assert covariance is not None
+    assert covariance[3, 3] > math.radians(0.1) ** 2
+    assert covariance[4, 4] > math.radians(0.1) ** 2

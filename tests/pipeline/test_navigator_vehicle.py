@@ -82,6 +82,24 @@ def test_a_height_is_shown_while_it_is_new():
     assert later[-1].altitude_m is None
 
 
+@pytest.mark.parametrize(
+    ("distance_m", "quality", "words"),
+    [(math.nan, None, "not numbers"), (-1.0, 80, "impossible"), (4.0, 5, "does not believe its own echo")],
+)
+def test_a_height_that_is_none_is_not_shown_and_it_is_said(distance_m, quality, words):
+    navigator = Navigator()
+    navigator.feed(attitude(10.0))
+    navigator.feed(VehicleRange(10.1, 10_100, distance_m, quality))
+    shown = [state for state in navigator.feed(attitude(10.2)) if isinstance(state, NavState)][-1]
+    assert shown.altitude_m is None
+    told = next(sensor for sensor in shown.sensors if sensor.name == "altitude")
+    assert told.trust is SensorTrust.IGNORED
+    assert words in told.reason
+    navigator.feed(VehicleRange(10.3, 10_300, 4.0, 80))
+    states = [state for step in range(40) for state in navigator.feed(attitude(10.4 + 0.05 * step))]
+    assert next(state for state in states if isinstance(state, NavState)).altitude_m == 4.0
+
+
 def test_fixes_alone_make_a_track():
     navigator = Navigator()
     states: list[NavState] = []

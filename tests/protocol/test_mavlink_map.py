@@ -114,3 +114,28 @@ def test_messages_that_make_no_sense_give_no_record(name, fields):
 def test_non_finite_values_from_the_vehicle_give_no_record():
     fields = {"time_usec": 1, "time_delta_usec": 50000, "angle_delta": [0, 0, 0], "position_delta": [math.nan, 0, 0]}
     assert mavlink_map.vehicle_record("VISION_POSITION_DELTA", fields | {"confidence": 50.0}, 1.0) is None
+
+
+RANGE = {
+    "time_boot_ms": 60_900, "min_distance": 20, "max_distance": 5_000, "current_distance": 325, "orientation": 25,
+    "signal_quality": 77,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("sent", "percent"), [(77, 77), (0, None), (1, 0), (100, 100)])
+def test_a_height_above_the_bottom_and_its_quality(sent, percent):
+    height = mavlink_map.vehicle_record("DISTANCE_SENSOR", RANGE | {"signal_quality": sent}, 2.0)
+    assert (height.distance_m, height.quality_percent, height.boot_ms, height.arrived_s) == (3.25, percent, 60_900, 2.0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"orientation": 0},
+        {"current_distance": 10},
+        {"current_distance": 5_001},
+        {"current_distance": 0, "min_distance": 0},
+    ],
+)
+def test_a_distance_that_looks_elsewhere_or_is_out_of_range_is_no_height(changes):
+    assert mavlink_map.vehicle_record("DISTANCE_SENSOR", RANGE | changes, 2.0) is None

@@ -38,7 +38,7 @@ STATE = NavState(
     current_ne_mps=(0.1, -0.2), current_std_mps=(0.03, 0.05), last_fix_s=58.0, distance_m=123.45, reset_counter=4,
     sensors=(
         NavSensor("gps", SensorTrust.REJECTED, "jumped 1 km", 20, 3, 58.0, 1.1, 20),
-        NavSensor("compass", SensorTrust.USED, "left over", 90, 0, 99.9, 0.9, 50),
+        NavSensor("compass", SensorTrust.USED, "", 90, 0, 99.9, 0.9, 50),
     ),
 )  # fmt: skip
 
@@ -58,6 +58,12 @@ def test_every_value_is_in_the_pages_units():
     gps, compass = data["sensors"]
     assert (gps["trust"], gps["reason"], gps["age_s"], gps["label"]) == ("rejected", "jumped 1 km", 42.0, "GPS")
     assert compass["reason"] == "", "a sensor in use needs no excuse"
+
+
+def test_what_is_odd_about_a_sensor_in_use_is_told():
+    odd = NavSensor("thrust", SensorTrust.USED, "half as fast as usual", 90, 0, 99.9, 0.9, 50)
+    (thrust,) = navigation_json(replace(STATE, sensors=(odd,)))["sensors"]
+    assert (thrust["trust"], thrust["reason"]) == ("used", "half as fast as usual")
 
 
 def test_ages_count_to_now_where_now_is_given():

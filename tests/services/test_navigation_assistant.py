@@ -27,9 +27,41 @@ def leg(assistant, heading_deg, seconds, start_s, **changes):
 def test_the_first_undone_step_is_active():
     assistant = DiveStartAssistant()
     states = [step["state"] for step in assistant.steps(None, KINDS)]
-    assert states == ["active", "todo", "todo", "todo"]
+    assert states == ["active", "todo", "todo", "todo", "todo", "todo"]
     assistant.done("zero_depth")
-    assert [step["state"] for step in assistant.steps(None, KINDS)] == ["done", "active", "todo", "todo"]
+    assert [step["state"] for step in assistant.steps(None, KINDS)][:2] == ["done", "active"]
+
+
+def kind(name, state="none", **more):
+    return {"kind": name, "state": state, **more}
+
+
+def test_the_thrusters_field_is_offered_and_keeps_nothing_waiting():
+    assistant = DiveStartAssistant()
+    assistant.done("zero_depth")
+    made = [kind("gyro", "done"), kind("thruster_field"), kind("swing"), kind("course_swing")]
+    told = steps(assistant, None, made)
+    assert (told["thruster_field"]["action"], told["thruster_field"]["kind"]) == ("start_calibration", "thruster_field")
+    assert (told["thruster_field"]["state"], told["swing"]["state"]) == ("todo", "active")
+    running = [*made[:1], kind("thruster_field", "running", instruction="Run thruster 3"), *made[2:]]
+    assert steps(assistant, None, running)["thruster_field"]["text"] == "Run thruster 3"
+    # The calibrations of the sensors are a step of their own.
+    assert told["calibrate"]["state"] == "done"
+
+
+def test_a_compass_swing_counts_whichever_way_it_was_made():
+    assistant = DiveStartAssistant()
+    offered = steps(assistant, None, [kind("swing"), kind("course_swing")])["swing"]
+    assert (offered["action"], offered["kind"], offered["state"]) == ("start_calibration", "swing", "todo")
+    driving = [kind("swing"), kind("course_swing", "running", instruction="Drive at one speed")]
+    assert steps(assistant, None, driving)["swing"]["text"] == "Drive at one speed"
+    ready = [kind("swing", "ready", instruction="Done: two turns were seen."), kind("course_swing")]
+    told = steps(assistant, None, ready)["swing"]
+    assert told["state"] != "done", "the result was not taken yet"
+    assert "Take the result" in told["text"]
+    for made in ("swing", "course_swing"):
+        told = steps(assistant, None, [kind(made, "done", residual=1.2345, unit="deg")])["swing"]
+        assert (told["state"], "1.2 deg" in told["text"]) == ("done", True)
 
 
 def test_calibrations_count_when_all_are_made():

@@ -15,6 +15,7 @@ import pytest
 
 from bluerov_slam.records import NavState, SensorSample
 from bluerov_slam.services.extension import Extension
+from bluerov_slam.services.navigation_api import KINDS
 from bluerov_slam.services.settings_store import SettingsStore
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import ReplaySource, decoder_for
@@ -71,6 +72,21 @@ async def test_states_reach_the_page_the_api_and_the_metrics(tmp_path):
             metrics = await response.text()
         assert "bluerov_slam_navigation_running 1.0" in metrics
         assert "bluerov_slam_navigation_records_dropped_total 0.0" in metrics
+
+
+async def test_the_water_that_the_vehicle_went_through_is_told(tmp_path):
+    async with (
+        running_simulator(tmp_path),
+        running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
+    ):
+        assert (await running.get("/api/navigation/water"))["nodes"] == []
+        water = await running.until("/api/navigation/water", lambda water: len(water["nodes"]) > 0)
+        node = water["nodes"][-1]
+        assert node["depth_m"] > 0.5
+        assert node["samples"] >= 2
+        assert 1400.0 < node["sound_speed_mps"] < 1600.0
+        assert 990.0 < node["density_kg_per_m3"] < 1040.0
+        assert 0.0 < node["sound_speed_std_mps"] < 3.0
 
 
 async def test_a_crash_of_the_estimator_takes_nothing_else_down(tmp_path):
@@ -134,7 +150,7 @@ async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(t
     ):
         await estimating(running)
         calibration = await running.get("/api/navigation/calibration")
-        assert [kind["kind"] for kind in calibration["kinds"]] == ["gyro", "accelerometer", "magnetometer", "swing"]
+        assert tuple(kind["kind"] for kind in calibration["kinds"]) == KINDS
         assert all(kind["label"] for kind in calibration["kinds"])
         for action, state in (("start_calibration", "running"), ("finish_calibration", "done")):
             await running.call("POST", "/api/navigation", json={"action": action, "kind": "gyro"})
@@ -142,7 +158,8 @@ async def test_a_calibration_goes_through_its_states_and_the_assistant_follows(t
             assert kinds[0]["state"] == state
         await running.call("POST", "/api/navigation", json={"action": "zero_depth"})
         steps = (await running.get("/api/navigation/calibration"))["assistant"]["steps"]
-        assert [step["id"] for step in steps] == ["zero_depth", "calibrate", "surface_run", "set_origin"]
+        sequence = ["zero_depth", "calibrate", "thruster_field", "swing", "surface_run", "set_origin"]
+        assert [step["id"] for step in steps] == sequence
         assert [step["state"] for step in steps][:2] == ["done", "active"]
 
 

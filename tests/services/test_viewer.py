@@ -1,6 +1,7 @@
 import asyncio
 import base64
 import json
+import math
 import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from bluerov_slam.protocol.kogger import build_frame
 from bluerov_slam.protocol.waterfall_frame import unpack_ping
 from bluerov_slam.records import Channel
 from bluerov_slam.services.viewer import ViewerService
+from bluerov_slam.services.viewer_track import MOST_STATES, VehicleTrack
 from patience import PATIENCE_S
 
 LOOPBACK = {"Origin": "http://127.0.0.1"}
@@ -262,3 +264,34 @@ async def test_where_the_vehicle_was_is_not_told_as_where_it_is(viewer, monkeypa
     viewer.desk.forget_old_vehicle()
     assert viewer.desk.greeting()["vehicle"] == {"depth_m": None, "sound_speed_mps": None}
     assert viewer.forwarder.state()["sound_speed_ctd_mps"] is None
+
+
+async def test_where_the_vehicle_was_is_remembered_for_pages_that_open_later(viewer, http) -> None:
+    extension = Extension(viewer)
+    async with http.ws_connect(url(viewer, "/ws")) as page:
+        times = []
+        for number, north in enumerate((47.6, 47.7)):
+            extension.ping(Channel.A, samples(400, number))
+            times.append((await next_ping(page)).ping.measured_s)
+            estimate = {"latitude_deg": north, "longitude_deg": -2.7, "within_m": 3.5, "heading_deg": None}
+            vehicle = {"depth_m": 8.5, "heading_deg": 40.0, "latitude_deg": None, "estimate": estimate}
+            viewer.link.listener.on_message("vehicle", {"type": "vehicle", **vehicle})
+            viewer.link.listener.on_message("vehicle", {"type": "vehicle", "depth_m": 99.0})  # by no ping of its own
+    async with http.get(url(viewer, "/api/track")) as response:
+        track = await response.json()
+    states = [dict(zip(track["columns"], state, strict=True)) for state in track["states"]]
+    assert [state["monotonic_s"] for state in states] == times
+    assert [state["estimate.latitude_deg"] for state in states] == [47.6, 47.7]
+    assert (states[0]["depth_m"], states[0]["latitude_deg"], states[0]["estimate.heading_deg"]) == (8.5, None, None)
+
+
+def test_another_run_of_the_clock_begins_another_track() -> None:
+    track = VehicleTrack()
+    for at_s in (1000.0, 1000.5, 1000.2, 3.0, 3.5):
+        track.add(at_s, {"depth_m": at_s})
+    track.add(math.nan, {"depth_m": 1.0})
+    assert track.states()[:, 0].tolist() == [3.0, 3.5]
+    for step in range(MOST_STATES + 10):
+        track.add(4.0 + 0.5 * step, {})
+    assert MOST_STATES * 0.8 < len(track.states()) <= MOST_STATES
+    assert np.isnan(track.states()[-1, 1:]).all()

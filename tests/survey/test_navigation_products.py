@@ -95,6 +95,20 @@ def test_every_form_holds_the_same_track(dive):
     assert session.name in lines[0] or str(out) in lines[0]
 
 
+def test_the_water_of_the_dive_is_told(dive):
+    _, _, out, _ = dive
+    water = summary(out)["water"]
+    with (out / "water.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["depth_m"]) for row in rows] == [node["depth_m"] for node in water["nodes"]]
+    assert water["shallowest_m"] == 0.0
+    assert water["deepest_m"] == pytest.approx(3.0, abs=0.5)
+    assert water["nodes"][0]["sound_speed_mps"] == pytest.approx(water["mean_sound_speed_mps"], abs=1.0)
+    text, _ = read_report(out)
+    assert "By the vehicle's own CTD, from 0.0 m to" in text
+    assert "water.csv" in summary(out)["files"]
+
+
 def test_smoothing_makes_what_came_before_a_fix_no_worse(dive, tmp_path):
     session, simulated, out, _ = dive
     navigate(session, tmp_path / "live", smooth=False)
@@ -142,7 +156,7 @@ def read_report(out: Path) -> tuple[str, Outline]:
 def test_the_report_needs_nothing_else_and_says_that_it_is_simulated(dive):
     text, outline = read_report(dive[2])
     assert "Simulated: the sensors of this dive were made by a program" in text
-    assert outline.tags.count("svg") == 8
+    assert outline.tags.count("svg") == 9
     assert outline.fetched == []
     for words in ("dead reckoned", "95 % probability", "Thruster model", "Every setting of the navigator", "numpy"):
         assert words in text

@@ -1,6 +1,7 @@
 // @ts-check
-// The dive-start assistant: four steps, how far each one is, and the one action each needs.
+// The dive-start assistant: its steps, how far each one is, and the one action each needs.
 
+import { inShownUnits } from '../shared/display.js';
 import { make, setText } from '../shared/dom.js';
 import { showState, stateIcon } from '../shared/status_icons.js';
 import { ask } from '../shared/dialog.js';
@@ -47,7 +48,7 @@ export class AssistantPanel {
       showState(view.icon, STATES[step.state] ?? 'unknown');
       setText(view.title, String(step.title ?? step.id));
       setText(view.word, WORDS[step.state] ?? '');
-      setText(view.text, String(step.text ?? ''));
+      setText(view.text, inShownUnits(String(step.text ?? '')));
     }
   }
 
@@ -66,24 +67,27 @@ export class AssistantPanel {
     view.item.append(
       view.icon,
       make('div', {}, make('p', {}, view.title, ' ', view.word), view.text),
-      this.action(step.action),
+      this.action(step.action, step.kind),
     );
     this.views.set(step.id, view);
     this.list.append(view.item);
     return view;
   }
 
-  /** @param {unknown} action */
-  action(action) {
+  /**
+   * @param {unknown} action
+   * @param {unknown} kind  of the calibration that the step begins
+   */
+  action(action, kind) {
     if (action === 'zero_depth')
       return button('Zero now', () => void this.act({ action }, 'Zeroing the depth'));
     if (action === 'set_origin') return button('Set here', () => void this.setOrigin());
     if (action === 'start_calibration')
-      return button('Show', () => {
-        const calibrations = document.querySelector('.panel-calibration');
-        calibrations?.scrollIntoView({ block: 'start' });
-        calibrations?.querySelector('button')?.focus({ preventScroll: true });
+      return button('Begin', () => {
+        showCalibrations(String(kind));
+        void this.act({ action, kind }, 'Starting');
       });
+    if (action === 'show_calibration') return button('Show', () => showCalibrations());
     return make('span');
   }
 
@@ -97,4 +101,15 @@ export class AssistantPanel {
     });
     if (sure) await this.act({ action: 'set_origin' }, 'Setting the origin');
   }
+}
+
+/**
+ * The guided calibrations, which stand further down: the one of a kind, or all of them.
+ * @param {string} [kind]
+ */
+function showCalibrations(kind) {
+  const calibrations = document.querySelector('.panel-calibration');
+  const one = kind ? calibrations?.querySelector(`.calibration[data-kind="${kind}"]`) : calibrations;
+  one?.scrollIntoView({ block: kind ? 'center' : 'start' });
+  one?.querySelector('button')?.focus({ preventScroll: true });
 }

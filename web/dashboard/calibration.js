@@ -80,7 +80,7 @@ export class CalibrationPanel {
     const clear = button('Clear', () => void this.clear(kind, title.textContent ?? kind), 'danger');
     const root = make(
       'section',
-      { class: 'calibration' },
+      { class: 'calibration', 'data-kind': kind },
       make('div', { class: 'calibration-text' }, title, result, instruction, progress),
       make('div', { class: 'tools' }, start, finish, cancel, clear),
     );

@@ -1,6 +1,7 @@
 // @ts-check
 // Whether the sensors agree with each other as well as they claim to, in words and as small bars.
 
+import { inShownUnits } from '../shared/display.js';
 import { make, setAttribute, setText } from '../shared/dom.js';
 import { age, count, fixed, isKnown } from '../shared/format.js';
 import { showState, stateIcon } from '../shared/status_icons.js';
@@ -63,7 +64,7 @@ export class ConsistencyPanel {
     showState(view.icon, trust.state);
     setText(view.name, String(sensor.label ?? sensor.id));
     setText(view.word, trust.word);
-    setText(view.reason, String(sensor.reason ?? ''));
+    setText(view.reason, inShownUnits(String(sensor.reason ?? '')));
     view.reason.hidden = !sensor.reason;
     setAttribute(view.root, 'data-trust', String(sensor.trust));
     const band = Array.isArray(sensor.nis_band) && sensor.nis_band.every(isKnown) ? sensor.nis_band : null;
@@ -135,6 +136,8 @@ export function verdict(sensors) {
     return `Not trusted: ${doubted.map(label).join(', ')}. The position goes on without, and its uncertainty grows.`;
   const used = sensors.filter((s) => s.trust === 'used');
   if (used.length === 0) return 'No sensor is used yet.';
+  const odd = used.filter((s) => s.reason);
+  if (odd.length > 0) return `${odd.map(label).join(', ')}: used, but something is odd. It says below what.`;
   const strained = used.filter(
     (s) => isKnown(s.nis_ratio) && Array.isArray(s.nis_band) && s.nis_ratio > s.nis_band[1],
   );

@@ -47,6 +47,8 @@ export class MapBase {
     };
     this.points = 0;
     this.fixes = 0;
+    /** Pieces of line in the picture: what drawing it whole costs. */
+    this.pieces = 0;
     this.lastX = 0;
     this.lastY = 0;
     this.lastS = NaN;
@@ -67,7 +69,7 @@ export class MapBase {
   draw(c, place, scene) {
     if (!this.isDrawn(place, scene)) {
       c.clearRect(0, 0, place.width, place.height);
-      this.points = this.fixes = 0;
+      this.points = this.fixes = this.pieces = 0;
       this.lastS = this.style = NaN;
       this.dashPx = 0;
       this.drawGrid(c, place, scene.hasTiles);
@@ -75,6 +77,26 @@ export class MapBase {
     }
     this.addTrack(c, place, scene);
     this.addFixes(c, place, scene.track);
+  }
+
+  /**
+   * How far the picture, as it was drawn, lies from where it belongs; null where moving it would not do.
+   * @param {Place} place
+   * @returns {[number, number] | null} pixels to the right and down
+   */
+  shiftTo(place) {
+    const { drawn } = this;
+    if (
+      drawn.width !== place.width ||
+      drawn.height !== place.height ||
+      drawn.ratio !== place.ratio ||
+      drawn.metresPerPx !== place.metresPerPx
+    )
+      return null;
+    return [
+      (drawn.centerE - place.centerE) / place.metresPerPx,
+      (place.centerN - drawn.centerN) / place.metresPerPx,
+    ];
   }
 
   /**
@@ -212,6 +234,7 @@ export class MapBase {
           open = true;
         }
         c.lineTo(x, y);
+        this.pieces += 1;
         this.dashPx += Math.hypot(x - this.lastX, y - this.lastY);
         if (style !== this.style) {
           c.stroke();

@@ -2,7 +2,7 @@
 // The card of the map: tools around the picture, what stands under the pointer, and words while nothing is known.
 
 import { call } from '../shared/api.js';
-import { shownUnit, shownValue } from '../shared/display.js';
+import { inShownUnits, shownUnit, shownValue } from '../shared/display.js';
 import { make, saveBlob, setText } from '../shared/dom.js';
 import { age, fixed, geodetic, heading, isKnown } from '../shared/format.js';
 import { currentTheme, onThemeChange } from '../shared/theme.js';
@@ -21,6 +21,7 @@ const SCALE_PX = 120;
 /** Half a megabyte: some seconds on a slow tether. */
 const TRACK_POINTS = 8_000;
 const STORED_AS = 'bluerov-slam.map';
+const TILES_STORED_AS = 'bluerov-slam.map-tiles';
 
 export class MapCard {
   /**
@@ -46,10 +47,12 @@ export class MapCard {
     this.view = null;
     this.following = true;
     this.measuring = false;
+    this.tilesWanted = true;
     this.hasCentred = false;
     this.legendKey = '';
     this.build(card);
-    this.choose(stored());
+    this.choose(stored(STORED_AS));
+    this.showTiles(stored(TILES_STORED_AS) !== 'off');
     onThemeChange(() => this.choose(this.scene.coloring.key));
     void this.load();
   }
@@ -82,6 +85,14 @@ export class MapCard {
       () => this.setMeasuring(!this.measuring),
       false,
     );
+    this.tilesButton = button(
+      'Tiles',
+      'Your own map tiles below the track',
+      () => this.showTiles(!this.tilesWanted),
+      true,
+    );
+    // Only who has put tiles there needs a switch for them.
+    this.tilesButton.hidden = true;
     this.select = make(
       'select',
       {
@@ -99,6 +110,7 @@ export class MapCard {
         this.followButton,
         button('Fit', 'Show the whole track', () => this.fit()),
         this.measureButton,
+        this.tilesButton,
         button('GeoJSON', 'Save the track as GeoJSON', () => this.save('geojson')),
         button('GPX', 'Save the track as GPX', () => this.save('gpx')),
       ),
@@ -170,8 +182,18 @@ export class MapCard {
     this.showScale();
     this.center();
     this.tiles = new MapTiles(ol, this.view);
+    this.tiles.want(this.tilesWanted);
     this.tiles.setOrigin(this.track.origin);
-    void this.tiles.load();
+    await this.tiles.load();
+    if (this.tilesButton) this.tilesButton.hidden = !this.tiles.exist;
+  }
+
+  /** @param {boolean} wanted */
+  showTiles(wanted) {
+    this.tilesWanted = wanted;
+    this.tilesButton?.setAttribute('aria-pressed', String(wanted));
+    this.tiles?.want(wanted);
+    store(TILES_STORED_AS, wanted ? 'on' : 'off');
   }
 
   /** @param {number} nowMs  of the newest message of the topic */
@@ -258,21 +280,21 @@ export class MapCard {
   showWords(oldS = null) {
     const state = this.scene.state;
     const known = isKnown(state?.position?.north_m);
-    const text = typeof state?.text === 'string' ? state.text : 'Waiting for the navigator';
+    const text = typeof state?.text === 'string' ? inShownUnits(state.text) : 'Waiting for the navigator';
     if (this.sentence) {
       setText(this.sentence, oldS === null ? text : `${age(oldS)} ago: ${text}`);
       this.sentence.dataset.mode = oldS === null ? String(state?.mode ?? 'unknown') : 'stale';
     }
     if (!this.empty) return;
     this.empty.hidden = known || this.track.length > 0;
-    setText(this.empty, known ? '' : missing(state));
+    setText(this.empty, known ? '' : inShownUnits(missing(state)));
   }
 
   /** @param {string} key */
   choose(key) {
     this.scene.coloring = COLORINGS.find((coloring) => coloring.key === key) ?? COLORINGS[0];
     if (this.select) this.select.value = this.scene.coloring.key;
-    store(this.scene.coloring.key);
+    store(STORED_AS, this.scene.coloring.key);
     this.legendKey = '';
     this.showLegend();
     this.view?.redraw();
@@ -429,19 +451,25 @@ function missing(state) {
   return `No position yet. ${reason || (typeof state.text === 'string' ? `${state.text}.` : '')}`.trim();
 }
 
-/** @returns {string} */
-function stored() {
+/**
+ * @param {string} name
+ * @returns {string}
+ */
+function stored(name) {
   try {
-    return localStorage.getItem(STORED_AS) ?? '';
+    return localStorage.getItem(name) ?? '';
   } catch {
     return '';
   }
 }
 
-/** @param {string} key */
-function store(key) {
+/**
+ * @param {string} name
+ * @param {string} value
+ */
+function store(name, value) {
   try {
-    localStorage.setItem(STORED_AS, key);
+    localStorage.setItem(name, value);
   } catch {
     // No storage in a sandboxed iframe: it holds for this visit.
   }

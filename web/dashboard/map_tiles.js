@@ -44,6 +44,7 @@ export class MapTiles {
     this.origin = null;
     /** @type {number[]} */
     this.zooms = [];
+    this.wanted = true;
     ol.addCoordinateTransforms(
       'EPSG:3857',
       view.projection,
@@ -74,6 +75,18 @@ export class MapTiles {
     this.show();
   }
 
+  /** Whether the user has put any there. */
+  get exist() {
+    return this.zooms.length > 0;
+  }
+
+  /** @param {boolean} wanted  the picture may hide a faint track */
+  want(wanted) {
+    if (wanted === this.wanted) return;
+    this.wanted = wanted;
+    this.show();
+  }
+
   /** @param {Origin | null} origin */
   setOrigin(origin) {
     if (
@@ -89,7 +102,7 @@ export class MapTiles {
   show() {
     if (this.layer) this.view.map.removeLayer(this.layer);
     this.layer = null;
-    const visible = this.origin !== null && this.zooms.length > 0;
+    const visible = this.wanted && this.origin !== null && this.exist;
     this.view.scene.hasTiles = visible;
     if (visible) {
       this.layer = new this.ol.TileLayer({

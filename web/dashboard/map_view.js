@@ -23,6 +23,10 @@ const START_M_PER_PX = 0.15;
 /** The vehicle is followed once it leaves this share of the picture's middle. */
 const CALM_SHARE = 0.3;
 const SMALLEST_EXTENT_M = 20;
+/** A picture of more pieces than this (a dive without an IMU jitters) is moved rather than drawn while it is dragged, */
+const MANY_PIECES = 1500;
+/** and drawn whole no more often than this. */
+const DRAG_REDRAW_MS = 150;
 
 export class MapView {
   /**
@@ -37,6 +41,8 @@ export class MapView {
     this.painter = new MapPainter();
     this.baseCanvas = mapCanvas();
     this.canvas = mapCanvas();
+    this.baseDrawnMs = -Infinity;
+    this.redrawTimer = 0;
     /** @type {Place} */
     this.place = { width: 0, height: 0, ratio: 1, centerE: 0, centerN: 0, metresPerPx: 1 };
     this.projection = new ol.Projection({
@@ -85,8 +91,26 @@ export class MapView {
   /** @param {any} frame  OpenLayers' frame state */
   paintBase(frame) {
     const c = this.prepare(this.baseCanvas, frame);
-    if (c) this.base.draw(c, this.place, this.scene);
+    if (!c || this.moveBase(frame.viewHints)) return this.baseCanvas;
+    this.base.draw(c, this.place, this.scene);
+    this.baseCanvas.style.transform = '';
+    this.baseDrawnMs = performance.now();
     return this.baseCanvas;
+  }
+
+  /**
+   * While the view is on the move, a picture that is dear to draw is only moved; whether that will do.
+   * @param {number[]} hints  OpenLayers': animating, interacting
+   */
+  moveBase([animating, interacting]) {
+    if (!(animating || interacting) || this.base.pieces < MANY_PIECES) return false;
+    const shift = this.base.shiftTo(this.place);
+    const restMs = this.baseDrawnMs + DRAG_REDRAW_MS - performance.now();
+    if (!shift || restMs <= 0) return false;
+    this.baseCanvas.style.transform = `translate(${shift[0]}px, ${shift[1]}px)`;
+    clearTimeout(this.redrawTimer);
+    this.redrawTimer = window.setTimeout(() => this.redraw(), restMs);
+    return true;
   }
 
   /** @param {any} frame */

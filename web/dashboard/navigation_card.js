@@ -1,7 +1,7 @@
 // @ts-check
 // What the navigator estimates, in numbers, each with its uncertainty.
 
-import { shownUnit, shownValue } from '../shared/display.js';
+import { inShownUnits, shownUnit, shownValue } from '../shared/display.js';
 import { make, setNumber, setText } from '../shared/dom.js';
 import { age, fixed, heading, isKnown } from '../shared/format.js';
 
@@ -85,7 +85,8 @@ export class NavigationCard {
 
   /** @param {State} state */
   show(state) {
-    setText(this.sentence, typeof state.text === 'string' ? state.text : '-');
+    const text = typeof state.text === 'string' ? inShownUnits(state.text) : '';
+    setText(this.sentence, text || '-');
     ROWS.forEach((row, i) => {
       setNumber(this.numbers[i], row.text(state));
       setText(this.units[i], shownUnit(row.unit));
@@ -95,7 +96,7 @@ export class NavigationCard {
     const key = `${state.mode} ${trust}`;
     if (key === this.spokenKey) return;
     this.spokenKey = key;
-    setText(this.spoken, `${state.text ?? ''}. ${trust}`);
+    setText(this.spoken, `${text}. ${trust}`);
   }
 }
 

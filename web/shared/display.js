@@ -34,6 +34,23 @@ export function shownValue(value, unit) {
   return rule && typeof value === 'number' ? value * rule.factor + rule.offset : value;
 }
 
+/** A number of the service's sentences with one of the units that are shown otherwise. */
+const QUANTITY = /(?<![\w.])(-?\d+(?:\.\d+)?)([ \u00a0])(m\/s|km|m|\u00b0C)(?![\w/])/g;
+const MILES_PER_KM = 1 / 1.609344;
+
+/**
+ * A sentence of the service, which speaks in metres, with its quantities in the unit that the page shows.
+ * @param {string} text
+ */
+export function inShownUnits(text) {
+  if (!imperial) return text;
+  return text.replace(QUANTITY, (_whole, number, space, unit) => {
+    const decimals = number.split('.')[1]?.length ?? 0;
+    if (unit === 'km') return `${(Number(number) * MILES_PER_KM).toFixed(Math.max(decimals, 1))}${space}mi`;
+    return `${(shownValue(Number(number), unit) ?? NaN).toFixed(decimals)}${space}${shownUnit(unit)}`;
+  });
+}
+
 /**
  * Takes units and theme from the answer of GET api/settings.
  * @param {any} answer

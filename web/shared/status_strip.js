@@ -1,6 +1,7 @@
 // @ts-check
 // The row of named chips on top of both pages. A chip opens with its cause and its cure.
 
+import { inShownUnits } from './display.js';
 import { age, isKnown } from './format.js';
 import { make, setAttribute, setText } from './dom.js';
 import { STATE_WORDS, asState, showState, stateIcon } from './status_icons.js';
@@ -33,7 +34,7 @@ export function unknownChips(names) {
  */
 export function detailLines(chip) {
   /** @type {Array<[string, string]>} */
-  const lines = [['State', chip.text || STATE_WORDS[asState(chip.state)]]];
+  const lines = [['State', inShownUnits(chip.text || STATE_WORDS[asState(chip.state)])]];
   if (chip.cause) lines.push(['Cause', chip.cause]);
   if (chip.cure) lines.push(['Cure', chip.cure]);
   if (isKnown(chip.age_s)) lines.push(['Last data', `${age(chip.age_s)} ago`]);
@@ -74,7 +75,7 @@ export class StatusStrip {
       const view = this.views.get(chip.id) ?? this.addView(chip.id);
       view.data = chip;
       const state = asState(chip.state);
-      const text = chip.text || STATE_WORDS[state];
+      const text = inShownUnits(chip.text || STATE_WORDS[state]);
       setAttribute(view.button, 'data-state', state);
       showState(view.icon, state);
       setText(view.label, chip.label);

@@ -26,7 +26,7 @@ import { aloneInWater } from '../dashboard/profile_plot.js';
 import { roomyRange } from '../dashboard/time_plots.js';
 import { TROUBLES, isRelated } from '../dashboard/troubleshooting.js';
 import { honestScale } from '../dashboard/uplot.js';
-import { setUnits, shownUnit, shownValue } from '../shared/display.js';
+import { inShownUnits, setUnits, shownUnit, shownValue } from '../shared/display.js';
 import { asState } from '../shared/status_icons.js';
 import { detailLines } from '../shared/status_strip.js';
 import { choosePreference } from '../shared/theme.js';
@@ -377,6 +377,19 @@ test('units are converted only when shown', () => {
   assert.equal(shownValue(100, '\u00b0C'), 212);
   assert.equal(shownValue(null, 'm'), null);
   assert.equal(shownValue(35, 'PSU'), 35);
+  assert.equal(
+    inShownUnits('Dead reckoning, within 8.0 m, 3 min since the last fix'),
+    'Dead reckoning, within 26.2 ft, 3 min since the last fix',
+  );
+  assert.equal(
+    inShownUnits('Current known to 0.05 m/s, moved 1 km'),
+    'Current known to 0.16 ft/s, moved 0.6 mi',
+  );
+  for (const same of ['20 min', '5 m2', '3 m/min', 'A10 m', '12 mm', '1025 kg/m3', 'channels 1 to 6'])
+    assert.equal(inShownUnits(same), same);
+  setUnits('metric');
+  assert.equal(inShownUnits('within 8.0 m'), 'within 8.0 m');
+  setUnits('imperial');
 });
 
 test('the theme follows the address, then the switch, then the system', () => {

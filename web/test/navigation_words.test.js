@@ -16,6 +16,10 @@ test('the verdict names what is not trusted before anything else', () => {
   assert.match(verdict([{ ...GPS, nis_ratio: 3 }, COMPASS]), /^GPS: farther off than claimed/);
   assert.match(verdict([{ ...GPS, nis_ratio: 0.2 }, COMPASS]), /GPS better than claimed/);
   assert.equal(verdict([{ ...GPS, trust: 'waiting' }]), 'No sensor is used yet.');
+  assert.match(
+    verdict([{ ...GPS, reason: 'half as fast as usual' }, COMPASS]),
+    /^GPS: used, but something is odd/,
+  );
 });
 
 test('ten times too good and ten times too bad are the ends of the bar', () => {

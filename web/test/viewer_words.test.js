@@ -309,6 +309,25 @@ test('a position is only as near as the vehicle said it was', () => {
   assert.equal(new Track().at(1), null);
 });
 
+test('what the service remembers fills what the page has not heard', () => {
+  const track = new Track();
+  const live = { heading_deg: 0, depth_m: 1, latitude_deg: 1, longitude_deg: 2 };
+  for (const timeS of [10, 10.5, 20]) track.add({ ...live, timeS });
+  const columns = ['monotonic_s', 'heading_deg', 'depth_m', 'estimate.latitude_deg', 'estimate.within_m'];
+  const rows = [5, 10.1, 15, 20.1].map((timeS) => [timeS, 90, null, 47.5, 3]);
+  track.load({ columns, states: [...rows, [null, 1, 1, 1, 1]] });
+  assert.deepEqual(
+    track.states.map((state) => state.timeS),
+    [5, 10, 10.5, 15, 20],
+  );
+  assert.equal(track.at(5)?.estimate?.latitude_deg, 47.5);
+  assert.equal(track.at(5)?.depth_m, null);
+  assert.equal(track.at(10.1)?.heading_deg, 0);
+  track.load(null);
+  track.add({ ...live, timeS: 21 });
+  assert.equal(track.states.length, 6);
+});
+
 test('an echo lies to the side of the estimate, with its uncertainty, and says what was assumed', () => {
   const gps = { heading_deg: 90, depth_m: 5, latitude_deg: 10, longitude_deg: 20 };
   const estimate = {

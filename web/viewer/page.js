@@ -81,7 +81,10 @@ export class ViewerPage {
       onText: (message) => this.takeText(message),
       onPing: (ping) => this.takePing(ping),
       onRestart: () => this.track.clear(),
-      onState: () => this.slowUpdate(),
+      onState: (state) => {
+        if (state.phase === 'open') void this.loadTrack();
+        this.slowUpdate();
+      },
       onHistory: () => this.historyCame(),
     });
     this.transport = new Transport(this.waterfall, this.overlay, this.feed, {
@@ -197,6 +200,15 @@ export class ViewerPage {
     const { newestS } = this.waterfall;
     if (Number.isFinite(newestS)) this.track.add({ ...vehicle, timeS: newestS });
     this.readout?.showVehicle(vehicle);
+  }
+
+  /** Pings from before this page was opened, or while it was cut off, have places, too. */
+  async loadTrack() {
+    try {
+      this.track.load(await call('api/track'));
+    } catch {
+      // Without it, places are known from now on.
+    }
   }
 
   /** @param {import('./decoding.js').Ping} ping */

@@ -1,5 +1,5 @@
 // @ts-check
-/** Where the vehicle was when: what the `vehicle` topic said while this page was open. Pure. */
+/** Where the vehicle was when: what the service remembers, and what it said while this page was open. Pure. */
 
 /**
  * @typedef {object} VehicleState
@@ -21,6 +21,8 @@
 const MOST_STATES = 20000;
 /** Further away in time than this, a state says nothing about a ping. */
 const LONGEST_DISTANCE_S = 2;
+/** Two states nearer than this are the same one, heard live and asked for. */
+const SAME_S = 0.25;
 
 export class Track {
   constructor() {
@@ -41,6 +43,23 @@ export class Track {
   }
 
   /**
+   * Puts what the service remembers where this page has nothing: before it was opened, and while it was cut off.
+   * @param {any} answer  of GET api/track
+   */
+  load(answer) {
+    const columns = Array.isArray(answer?.columns) ? answer.columns : [];
+    const states = Array.isArray(answer?.states) ? answer.states : [];
+    const found = states.map((/** @type {any[]} */ row) => stateOf(columns, row));
+    const all = [
+      ...this.states,
+      ...found.filter((/** @type {VehicleState} */ s) => Number.isFinite(s.timeS)),
+    ];
+    all.sort((a, b) => a.timeS - b.timeS);
+    this.states = all.filter((state, i) => i === 0 || state.timeS - all[i - 1].timeS > SAME_S);
+    this.states.splice(0, this.states.length - MOST_STATES);
+  }
+
+  /**
    * @param {number} timeS
    * @returns {VehicleState | null} the nearest in time, null when none is near
    */
@@ -57,4 +76,20 @@ export class Track {
     const nearest = !later || (earlier && timeS - earlier.timeS < later.timeS - timeS) ? earlier : later;
     return nearest && Math.abs(nearest.timeS - timeS) <= LONGEST_DISTANCE_S ? nearest : null;
   }
+}
+
+/**
+ * @param {string[]} columns
+ * @param {any[]} row
+ * @returns {VehicleState}
+ */
+function stateOf(columns, row) {
+  /** @type {any} */
+  const state = { timeS: NaN, estimate: {} };
+  columns.forEach((name, i) => {
+    if (name === 'monotonic_s') state.timeS = Number(row[i] ?? NaN);
+    else if (name.startsWith('estimate.')) state.estimate[name.slice(9)] = row[i] ?? null;
+    else state[name] = row[i] ?? null;
+  });
+  return state;
 }

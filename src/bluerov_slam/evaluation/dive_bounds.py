@@ -3,7 +3,8 @@
 Left out because it only makes the true problem harder: tilt errors in the compass, the thrusters' field,
 the tether, gyro scale, the worse first fixes after surfacing, gaps of the DVL. Left out because it helps less than a
 hundredth: the accelerometers, which smooth noise that adds a few metres to tens. The compass is heading only: the
-strength of the field, which knows of hard iron too, is not used.
+strength of the field, which knows of hard iron too, is not used. GPS is its positions only: speed and course, which the
+navigator uses as well, would lower the bound of the surface run.
 """
 
 from __future__ import annotations

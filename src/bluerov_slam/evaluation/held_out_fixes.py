@@ -5,8 +5,12 @@ k = 0, 1, 2 and so on. Fixes inside a block are held out; the 30 s between block
 a fix and if a fix was given in the 5 s before it. The navigator's state goes on through all blocks, as on a dive.
 
 What is held out is compared with two causal predictions: the navigator's, and the last fix moved on with the velocity
-between it and the newest fix at least a second older. A held-out fix that is itself an outlier does not judge anybody:
-one further than 8 m from the median of all fixes within 5 s before and after it (5 s at 1 m/s, and 3 m of noise).
+between it and the newest fix at least a second older.
+
+An outlier is a fix to which the vehicle cannot have gone and come back from: there are a fix before it and one after
+it, at most 15 s apart, that a vehicle of 2 m/s can have visited both, with 3 m for the noise of two fixes, but neither
+the way to this fix nor the way from it. A step that stays is none, be it a manoeuvre or a new error of the system.
+Outliers that were held out judge nobody.
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ BLOCKS_S = (5.0, 10.0, 24.0)
 _FIRST_BLOCK_S, _BETWEEN_BLOCKS_S, _FRESH_S = 60.0, 30.0, 5.0
 _BASE_S = 1.0
 _FOLLOWING = 12
-_OUTLIER_M, _OUTLIER_WINDOW_S = 8.0, 5.0
+_OUTLIER_WITHIN_S, _FASTEST_MPS, _NOISE_M = 15.0, 2.0, 3.0
 _ELLIPSE = 0.95
 
 
@@ -152,11 +156,27 @@ def _local(fixes: Sequence[PositionFix]) -> NDArray[np.float64]:
 
 
 def _outliers(at_s: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Fixes that lie far from those around them in time; one that stands alone is none."""
-    first = np.searchsorted(at_s, at_s - _OUTLIER_WINDOW_S)
-    last = np.searchsorted(at_s, at_s + _OUTLIER_WINDOW_S, side="right")
-    off_m = [
-        math.hypot(*(place - np.median(places[begin:end], axis=0)))
-        for place, begin, end in zip(places, first, last, strict=True)
-    ]
-    return np.array(off_m) > _OUTLIER_M
+    """Fixes between two others that fit each other, and that fit neither."""
+    found = np.zeros(len(at_s), dtype=bool)
+    for index in range(len(at_s)):
+        first, last = np.searchsorted(at_s, (at_s[index] - _OUTLIER_WITHIN_S, at_s[index] + _OUTLIER_WITHIN_S))
+        near = np.arange(first, last)
+        away = near[~_reachable(at_s[near], places[near], at_s[index], places[index])]
+        before, after = away[away < index], away[away > index]
+        found[index] = any(
+            np.any(
+                _reachable(at_s[after], places[after], at_s[one], places[one])[
+                    at_s[after] <= at_s[one] + _OUTLIER_WITHIN_S
+                ]
+            )
+            for one in before
+        )
+    return found
+
+
+def _reachable(
+    at_s: NDArray[np.float64], places: NDArray[np.float64], from_s: float, from_place: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which fixes one vehicle can have visited with another."""
+    apart_m = np.hypot(*(places - from_place).T)
+    return np.asarray(apart_m <= _NOISE_M + _FASTEST_MPS * np.abs(at_s - from_s))

@@ -25,6 +25,7 @@ from bluerov_slam.evaluation.statistics import (
     ratio_of_sums,
     total_dof,
 )
+from bluerov_slam.pipeline.navigator_aids import NO_SENSOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -237,25 +238,42 @@ def _consistency(dives: Sequence[DiveOutcome]) -> list[Row]:
     judged = [each for each in dives if each.conditions != "still"]
     if not judged:
         return []
+    rows = _in_band("N6", "N2 to N4", judged, Target(low=90.0))
     groups: dict[tuple[str, str], list[DiveOutcome]] = {}
     for each in judged:
         groups.setdefault((each.case, each.conditions), []).append(each)
-    rows: list[Row] = []
-    must = Target(low=90.0)
     for (case, conditions), runs in groups.items():
-        name = f"{case} {conditions}: epochs inside the 95 % NEES band"
-        position = np.array([(each.judged.position_in_band * each.judged.epochs, each.judged.epochs) for each in runs])
-        pose = np.array([(each.judged.pose_in_band * each.judged.epochs, each.judged.epochs) for each in runs])
-        place = f"N6.nees.{case}.{conditions}"
-        rows.append(Row(place, f"{name}, position", _percent(bootstrap(position, ratio_of_sums)), "%", must))
-        rows.append(Row(f"{place}.pose", f"{name}, pose (6)", _percent(bootstrap(pose, ratio_of_sums)), "%", must))
-    sensors = sorted({sensor for each in judged for sensor in each.nis})
+        rows += _in_band(f"N6.{case}.{conditions}", f"{case} {conditions}", runs, None)
+    sensors = sorted({sensor for each in judged for sensor in each.nis} - {NO_SENSOR})
     for sensor in sensors:
         sums = np.array([(each.nis[sensor].nis, each.nis[sensor].dof) for each in judged if sensor in each.nis])
         if sums[:, 1].sum() < _FEW_TESTED:
             continue
         ratio = bootstrap(sums, ratio_of_sums)
         rows.append(Row(f"N6.nis.{sensor}", f"mean NIS / dof of {sensor}", ratio, "1", Target(*_NIS_BAND)))
+    return rows
+
+
+def _in_band(place: str, name: str, runs: Sequence[DiveOutcome], must: Target | None) -> list[Row]:
+    """Share of all epochs of all runs with NEES in its band; the mean NEES tells on which side the rest is."""
+    rows: list[Row] = []
+    for suffix, what, dof in (("", "pose", 6), (".position", "position", 2)):
+        shares, means = [], []
+        for run in runs:
+            figures = run.judged
+            in_band, nees = (
+                (figures.pose_in_band, figures.pose_nees)
+                if what == "pose"
+                else (figures.position_in_band, figures.position_nees)
+            )
+            shares.append((in_band * figures.epochs, figures.epochs))
+            means.append(nees / dof)
+        share = _percent(bootstrap(np.array(shares), ratio_of_sums))
+        mean = bootstrap(means, lambda rows: np.mean(rows, axis=-1))
+        rows += [
+            Row(f"{place}{suffix}", f"{name}: epochs inside the 95 % NEES band, {what} ({dof})", share, "%", must),
+            Row(f"{place}{suffix}.mean", f"{name}: mean NEES / {dof} of the {what}", mean, "1"),
+        ]
     return rows
 
 
@@ -317,7 +335,7 @@ def _held_out(runs: Sequence[HeldOutOutcome]) -> list[Row]:
 
 
 def _predictions(year: str, block_s: float, blocks: list[list[tuple[float, float, float]]]) -> list[Row]:
-    """Rows of one year and length. The gain is the smaller of that by RMS and that by median: none hides the other."""
+    """Rows of one year and length. Asked is the gain in RMS, as everywhere; that of the median stands beside it."""
     name = f"{year}, {block_s:.0f} s held out"
     place = f"N8.{year}.{block_s:.0f}s"
     inside = _over_blocks(blocks, lambda fixes: 100.0 * float(np.mean([inside_ellipse(nis) for *_, nis in fixes])))
@@ -325,10 +343,16 @@ def _predictions(year: str, block_s: float, blocks: list[list[tuple[float, float
         Row(
             place,
             f"{name}: better than constant velocity by",
-            _over_blocks(blocks, _gain),
+            _over_blocks(blocks, lambda fixes: _gain(fixes, _rms)),
             "%",
             Target(low=30.0),
             Target(low=50.0),
+        ),
+        Row(
+            f"{place}.median_gain",
+            f"{name}: in the median better by",
+            _over_blocks(blocks, lambda fixes: _gain(fixes, _median)),
+            "%",
         ),
         Row(f"{place}.inside", f"{name}: inside our 95 % ellipse", inside, "%", Target(90.0, 98.0)),
         Row(f"{place}.median", f"{name}: our median error", _over_blocks(blocks, lambda fixes: _median(fixes, 0)), "m"),
@@ -370,10 +394,10 @@ def _over_blocks(
     return Interval(statistic(everything), float(low), float(high))
 
 
-def _gain(fixes: list[tuple[float, float, float]]) -> float:
-    by_rms = 1.0 - _rms(fixes, 0) / _rms(fixes, 1)
-    by_median = 1.0 - _median(fixes, 0) / _median(fixes, 1)
-    return 100.0 * min(by_rms, by_median)
+def _gain(
+    fixes: list[tuple[float, float, float]], error: Callable[[list[tuple[float, float, float]], int], float]
+) -> float:
+    return 100.0 * (1.0 - error(fixes, 0) / error(fixes, 1))
 
 
 def _rms(fixes: list[tuple[float, float, float]], place: int) -> float:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 TRACKS = range(1, 11)
 FIXES_AT_S = (0.0, 200.0, 400.0)
+# The reference's own position, which its velocity contradicts by 1 to 5 m over a track: stated with the fixes' noise.
+REFERENCE_STD_M = 1.4
 _LEVER_ARM_M = -1.9
 _EARLY_S = {5: 0.5, 6: 0.5}
 _USUALLY_EARLY_S = 1.5
@@ -135,7 +137,7 @@ def _displacements(track: SnapirTrack, errors: InjectedErrors) -> Iterator[Vehic
 def _fix(track: SnapirTrack, at_s: float, noise_m: NDArray[np.float64], std_m: float) -> PositionFix:
     north, east = (track.truth_ne_m(np.array([at_s]))[0] + noise_m).tolist()
     latitude_deg, longitude_deg, _ = LocalFrame(*track.origin_deg).to_geodetic(north, east)
-    variance = std_m * std_m
+    variance = std_m**2 + REFERENCE_STD_M**2
     return PositionFix(at_s, at_s, "reference", latitude_deg, longitude_deg, (variance, 0.0, variance))
 
 

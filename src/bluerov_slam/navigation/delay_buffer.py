@@ -161,6 +161,16 @@ class DelayBuffer:
         kept = np.array(std, dtype=np.float64)
         self._now(lambda core: core.add_uncertainty(name, kept))
 
+    def mix_errors(self, name: str, other: str, share: ArrayLike, values: ArrayLike) -> None:
+        """Now: the error of a block gets `share` of another's (`ErrorStateFilter.mix_errors`), whose values change."""
+        kept_share, kept_values = np.array(share, dtype=np.float64), np.array(values, dtype=np.float64)
+
+        def action(core: ErrorStateFilter) -> None:
+            core.mix_errors(name, other, kept_share)
+            core.estimate.values[core.layout[other]] = kept_values
+
+        self._now(action)
+
     def _now(self, action: Callable[[ErrorStateFilter], None]) -> None:
         self._resets_there = self._resets_there + 1 if self.at_s == self._last_reset_s else 1
         self._last_reset_s = self.at_s

@@ -79,6 +79,9 @@ class Recorder(Protocol):
     def block_reset(self, place: slice) -> None:
         """What was known of these states was thrown away."""
 
+    def errors_mixed(self, place: slice, other: slice, share: Array) -> None:
+        """From here on the error at `place` contains `share` of that at `other` more than before."""
+
     def mark(self) -> Any:
         """Where `rewind` can go back to."""
 
@@ -231,6 +234,14 @@ class ErrorStateFilter:
         place = self.layout[name]
         size = place.stop - place.start
         self.covariance[place, place] += np.diag(np.broadcast_to(np.asarray(std, dtype=np.float64), (size,)) ** 2)
+
+    def mix_errors(self, name: str, other: str, share: Array) -> None:
+        """Let the error of a block become what it was plus `share` of another's: for a model whose scales changed."""
+        place, source = self.layout[name], self.layout[other]
+        self.covariance[place, :] += share @ self.covariance[source, :]
+        self.covariance[:, place] += self.covariance[:, source] @ share.T
+        if self.recorder is not None:
+            self.recorder.errors_mixed(place, source, share)
 
     def std(self, name: str) -> Array:
         """Standard deviation of each state of a block."""

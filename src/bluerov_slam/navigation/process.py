@@ -149,13 +149,14 @@ class ProcessModel:
         self.earth = Earth() if earth is None else earth
         self._gyro = layout.places.get("gyro_bias")
         self._accel = layout.places.get("accel_bias")
+        self._current = layout.places.get("current")
         self._span = MOVING + 3 * ((self._gyro is not None) + (self._accel is not None))
         self._walks = self.noise.walks(layout)[MOVING:]
         self._wanders = [(layout[name], std, time) for name, std, time in self.noise.wanders() if name in layout]
         self._earth_rate: tuple[float, float, float] = tuple(self.earth.rate_ned_radps.tolist())
         self._earth_turns = any(self._earth_rate)
         self.kinematic_velocity_time_s = math.inf
-        """Without an IMU the velocity dies away over this time; a caller that knows of drag may set it."""
+        """Without an IMU drag brings the velocity to the water's over this time; who knows of drag sets it."""
         self._slow_for = math.nan
         self._slow = _SlowChange(np.ones(0), None, np.zeros(0))
         self._added_for = (math.nan, math.nan, math.nan)
@@ -216,15 +217,25 @@ class ProcessModel:
         return top
 
     def kinematic(self, estimate: NavEstimate, interval_s: float) -> Array:
-        """Move `estimate` on with its velocity dying away and its attitude kept; the transition's top rows (9, 9)."""
-        top = np.eye(MOVING)
-        time_s = self.kinematic_velocity_time_s
+        """Move `estimate` on with its velocity going over into the current's and its attitude kept; the transition's
+        top rows.
+        """
+        time_s, current = self.kinematic_velocity_time_s, self._current
+        dragged = current is not None and not math.isinf(time_s)
+        top = np.eye(MOVING, current.stop if current is not None and dragged else MOVING)
         left = math.exp(-interval_s / time_s)
         reach_s = interval_s if math.isinf(time_s) else time_s * (1.0 - left)
         top[0, 3] = top[1, 4] = top[2, 5] = reach_s
         top[3, 3] = top[4, 4] = top[5, 5] = left
-        estimate.values[POSITION] += reach_s * estimate.values[VELOCITY]
-        estimate.values[VELOCITY] *= left
+        values = estimate.values
+        values[POSITION] += reach_s * values[VELOCITY]
+        values[VELOCITY] *= left
+        if current is not None and dragged:
+            north, east = current.start, current.start + 1
+            top[0, north] = top[1, east] = interval_s - reach_s
+            top[3, north] = top[4, east] = 1.0 - left
+            values[0:2] += (interval_s - reach_s) * values[current]
+            values[3:5] += (1.0 - left) * values[current]
         self._end(estimate, interval_s)
         return top
 

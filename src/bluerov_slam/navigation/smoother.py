@@ -56,7 +56,16 @@ class ResetStep:
     place: slice
 
 
-Step = PredictionStep | UpdateStep | ResetStep
+@dataclass(frozen=True, slots=True)
+class MixedStep:
+    """A block's error that got a share of another's."""
+
+    place: slice
+    other: slice
+    share: Array
+
+
+Step = PredictionStep | UpdateStep | ResetStep | MixedStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +106,10 @@ class StepRecorder:
         """Keep a reset."""
         self.steps.append(ResetStep(place))
 
+    def errors_mixed(self, place: slice, other: slice, share: Array) -> None:
+        """Keep what became of the errors."""
+        self.steps.append(MixedStep(place, other, share))
+
     def mark(self) -> tuple[int, float, PredictionStep | None, NavEstimate | None, Array | None]:
         """Where `rewind` can go back to."""
         newest = self._newest
@@ -125,6 +138,10 @@ def smooth(steps: Sequence[Step]) -> list[SmoothedState]:
                 vector, matrix = _before_prediction(step.top, step.decay, vector, matrix)
         elif isinstance(step, UpdateStep):
             vector, matrix = _before_update(step, vector, matrix)
+        elif isinstance(step, MixedStep):
+            vector[step.other] += step.share.T @ vector[step.place]
+            matrix[step.other, :] += step.share.T @ matrix[step.place, :]
+            matrix[:, step.other] += matrix[:, step.place] @ step.share
         else:
             vector[step.place] = 0.0
             matrix[step.place, :] = 0.0

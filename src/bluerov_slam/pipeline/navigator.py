@@ -64,6 +64,7 @@ if TYPE_CHECKING:
 
     from bluerov_slam.navigation.ekf import UpdateResult
     from bluerov_slam.navigation.measurements import SensorAngles
+    from bluerov_slam.navigation.seawater import WaterColumn
 
     Array = NDArray[np.float64]
 
@@ -172,6 +173,14 @@ class Navigator:
         """How far each guided routine is."""
         return self._actions.calibrations.progress()
 
+    def water_column(self) -> WaterColumn | None:
+        """The water as the vehicle's own CTD found it; None while it has not been under water with one."""
+        return self._depth.water.column
+
+    def whole_water_column(self) -> WaterColumn | None:
+        """The same with the last samples in it, which takes some milliseconds."""
+        return self._depth.water.make_now()
+
     def save(self) -> SavedNavigation:
         """What a restart needs. Before the first attitude it is what was saved before."""
         if self._core.timeline is None and self._saved is not None:
@@ -217,6 +226,7 @@ class Navigator:
         self._trust = TrustEvents(core)
         self._actions = Actions(core, self._depth)
         self._burst_s = -math.inf
+        self._heading_s = -math.inf
         self._angles_s = -math.inf
         self._autopilot_s = -math.inf
         self._handlers: dict[type, Callable[[Any], bool]] = {
@@ -257,8 +267,8 @@ class Navigator:
         self._burst_s = record.arrived_s
         samples = self._imu.burst(record, core.calibration)
         field_raw = self._imu.mounted(record.magnetic_field_raw.astype(np.float64))
-        self._actions.calibrations.feed(record, self._imu, field_raw)
         effort = self._thrust.effort(record.measured_s)
+        self._actions.calibrations.feed(record, self._imu, field_raw, effort)
         self._compass.expected_dip_rad = core.place.dip_rad
         heading = self._compass.burst(
             record, field_raw, core.calibration, effort, core.down_frd(), core.place.declination_rad
@@ -280,7 +290,11 @@ class Navigator:
         elif samples[0].at_s - core.motion_s > REALIGN_AFTER_S:
             self._realign(samples, field)
             return True
-        core.offer(heading)
+        if heading is not None and heading.at_s - self._heading_s > self.options.compass.filter_period_s - 1e-3:
+            self._heading_s = heading.at_s
+            core.offer(heading)
+        core.motion_measured = True
+        core.pace.hold()
         for sample in samples:
             core.timeline.strapdown(sample)
         core.motion_s = max(core.motion_s, samples[-1].at_s)
@@ -313,8 +327,8 @@ class Navigator:
         return self._without_imu(measured_s, self._imu.autopilot(record, measured_s))
 
     def _on_ctd(self, record: CtdSample) -> bool:
-        self._depth.latitude_deg = self._core.place.latitude_deg
-        self._depth.water(record)
+        self._depth.water.latitude_deg = self._core.place.latitude_deg
+        self._depth.water.take(record, self._depth.surface_pressure_pa)
         self._aids.water(record)
         if self._acoustics is not None:
             self._acoustics.water(record)
@@ -322,6 +336,7 @@ class Navigator:
 
     def _on_gps(self, record: GpsFix) -> bool:
         self._positions.gps_frame(record, self._output.distance_m)
+        self._actions.calibrations.feed_course(record, self._thrust.ahead_mps(record.measured_s))
         return self._catch_up(record.measured_s, record.arrived_s)
 
     def _on_fix(self, record: PositionFix) -> bool:
@@ -346,6 +361,7 @@ class Navigator:
         if velocity is not None and core.heading_known():
             core.thrust_s = core.velocity_aid_s = measured_s
             core.offer(velocity)
+            self._aids.watch_thrust_scale(measured_s)
         return self._catch_up(measured_s, record.arrived_s) and False
 
     def _on_battery(self, record: VehicleBattery) -> bool:
@@ -358,7 +374,7 @@ class Navigator:
         return False
 
     def _on_range(self, record: VehicleRange) -> bool:
-        self._output.take_altitude(self._clocks.measured_s(record), record.distance_m)
+        self._output.take_altitude(self._clocks.measured_s(record), record)
         return False
 
     def _on_motion(self, record: VehicleMotionDelta) -> bool:
@@ -399,13 +415,7 @@ class Navigator:
         to_s = min(to_s, core.now_s)
         if angles is None and to_s - core.motion_s < options.silent_after_s:
             return False
-        aided = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
-        walk, time_s = options.kinematic_velocity_walk_mps, options.kinematic_velocity_time_s
-        if to_s - (core.last_fix_s or -math.inf) > options.adrift_after_s:
-            walk, time_s = options.adrift_velocity_walk_mps, options.adrift_velocity_time_s
-        if aided:
-            walk, time_s = options.kinematic_velocity_walk_mps, math.inf
-        core.timeline.kinematic(to_s, options.kinematic_attitude_walk_rad, walk, time_s)
+        self._move_without_imu(to_s)
         if angles is not None:
             core.motion_s = max(core.motion_s, to_s)
             core.angular_rate_frd_radps = None
@@ -415,20 +425,41 @@ class Navigator:
         self._aids.without_imu(core.timeline.at_s, angles is not None)
         return True
 
+    def _move_without_imu(self, to_s: float) -> None:
+        """On a measured velocity, on the habits of an ROV, or adrift."""
+        core, options = self._core, self.options.imu
+        assert core.timeline is not None
+        walk, time_s = options.kinematic_velocity_walk_mps, math.inf
+        core.motion_measured = to_s - core.velocity_aid_s < VELOCITY_MISSED_AFTER_S
+        adrift = to_s - (core.last_fix_s or -math.inf) > options.adrift_after_s
+        if core.motion_measured or adrift:
+            core.pace.hold()
+        if not core.motion_measured:
+            walk, time_s = core.pace.walk_mps, options.kinematic_velocity_time_s
+            if adrift:
+                walk, time_s = options.adrift_velocity_walk_mps, options.adrift_velocity_time_s
+            self._aids.wander_off(to_s)
+        core.timeline.kinematic(to_s, options.kinematic_attitude_walk_rad, walk, time_s)
+
     def _begin(self, start: Start) -> None:
         """The first attitude is there."""
         core = self._core
+        saved, self._saved = self._saved, None
+        age_s = None
+        if saved is not None:
+            assert self._first_s is not None
+            age_s = age_of(saved, self._saved_age_s, self._first_s, start.at_s)
+        recent = age_s is not None and age_s <= self.options.save_limit_s
+        if saved is not None and recent and saved.surface_pressure_pa is not None:
+            self._depth.resume_zero(saved.surface_pressure_pa)
         depth_m = self._depth.newest_m or 0.0
         self._depth_bias_std_m = self._depth.bias_std_m
         place = core.place
         filter_ = make_filter(
             start, self.options, core.calibration, depth_m, self._depth.bias_std_m, place.latitude_deg
         )
-        saved, self._saved = self._saved, None
         if saved is not None:
-            assert self._first_s is not None
-            age_s = age_of(saved, self._saved_age_s, self._first_s, start.at_s)
-            if saved.origin_deg is not None and age_s is not None and age_s <= self.options.save_limit_s:
+            if saved.origin_deg is not None and recent:
                 place.settle(*saved.origin_deg)
             if resume(core, filter_, saved, age_s, start):
                 self._output.distance_m = saved.distance_m

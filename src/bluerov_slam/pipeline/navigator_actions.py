@@ -111,6 +111,7 @@ class Actions:
         core.place.settle(latitude_deg, longitude_deg)
         moved = core.place.offset_m(here[0], here[1])
         core.timeline.move(moved[0] - north, moved[1] - east)
+        core.pace.hold()
         core.reset_counter += 1
 
 

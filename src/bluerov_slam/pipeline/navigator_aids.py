@@ -1,4 +1,4 @@
-"""What is known without any sensor: gravity, that an ROV floats upright, that drag limits its speed, and still decks.
+"""What is known without any sensor: gravity, that an ROV floats upright, what drag and thrusters allow, still decks.
 
 These hold the filter together while nothing measures velocity or attitude. They are weak on purpose.
 """
@@ -14,6 +14,8 @@ import numpy as np
 
 from bluerov_slam.navigation.ekf import Innovation
 from bluerov_slam.navigation.measurements import GravityDirection, SensorAngles, ZeroRate, ZeroVelocity
+from bluerov_slam.pipeline.navigator_words import odd_thrust_text
+from bluerov_slam.records import EventLevel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,6 +44,10 @@ DECK_RATE_RADPS = math.radians(0.5)
 DECK_FORCE_MPS2 = 0.08
 DECK_VELOCITY_STD_MPS = 0.03
 DECK_RATE_STD_RADPS = math.radians(0.05)
+# A thrust scale so many prior standard deviations off (40 % of the speed ahead) is no usual vehicle any more. What is
+# odd is not learned with confidence: once a minute the scale becomes as uncertain again as it was at first.
+ODD_SCALE_STDS, USUAL_SCALE_STDS = 4.0, 3.5
+ODD_SCALE_PERIOD_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +85,7 @@ class Aids:
         self._level_s = -math.inf
         self._deck_s = -math.inf
         self._air_s = -math.inf
+        self._odd_s = -math.inf
 
     def water(self, record: CtdSample) -> None:
         """Whether the conductivity probe is in the air."""
@@ -113,6 +120,14 @@ class Aids:
             self._level_s = at_s
             self._core.offer(SensorAngles(at_s, 0.0, 0.0, None, LEVEL_STD_RAD, sensor=NO_SENSOR))
 
+    def wander_off(self, to_s: float) -> None:
+        """Before a step without any sensor of motion: the course that a pilot holds is not the one of a while ago."""
+        timeline, options = self._core.timeline, self._core.options
+        assert timeline is not None
+        elapsed_s = to_s - timeline.at_s
+        if elapsed_s > 0.0 and float(timeline.filter.std("current").max()) < options.thrust.current_std_mps:
+            timeline.buffer.add_uncertainty("current", options.imu.kinematic_course_walk_mps * math.sqrt(elapsed_s))
+
     def limit_speed(self, at_s: float) -> None:
         """One opinion in so many seconds that the speed through water is that of an ROV."""
         options = self._core.options.thrust
@@ -121,6 +136,26 @@ class Aids:
         self._speed_s = at_s
         std_mps = options.speed_prior_std_mps
         self._core.offer(SlowThroughWater(at_s, std_mps, 0.5 * std_mps))
+
+    def watch_thrust_scale(self, at_s: float) -> None:
+        """A vehicle far faster or slower than its thrusters say: said in words, and the scale is trusted less."""
+        core, options = self._core, self._core.options.thrust
+        assert core.timeline is not None
+        scale: Array = core.timeline.filter.estimate.block("thrust_scale")
+        stds = np.abs(scale) / options.scale_std
+        worst = int(np.argmax(stds))
+        status = core.book["thrust"]
+        if stds[worst] < (USUAL_SCALE_STDS if status.remark else ODD_SCALE_STDS):
+            status.note("")
+            return
+        if at_s - self._odd_s < ODD_SCALE_PERIOD_S:
+            return
+        self._odd_s = at_s
+        core.timeline.buffer.add_uncertainty("thrust_scale", options.scale_std)
+        text = odd_thrust_text(round(100.0 * float(scale[worst])))
+        if not status.remark:
+            core.say(text, EventLevel.WARNING)
+        status.note(text)
 
     def _rest_on_deck(self, at_s: float) -> bool:
         if at_s - self._recent[0][0] < 0.8 * DECK_WINDOW_S:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from bluerov_slam.navigation.attitude.calibration import Calibration
+from bluerov_slam.pipeline.navigator_pace import Pace
 from bluerov_slam.pipeline.navigator_place import Place
 from bluerov_slam.pipeline.navigator_sensors import SensorBook
 from bluerov_slam.pipeline.navigator_timeline import Timeline
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 # A body velocity means nothing in NED while the heading is this uncertain.
 HEADING_KNOWN_RAD = 0.6
+# The first fixes are averaged: what they move the position by is no jump yet.
+SETTLING_S = 15.0
 # A sensor that is rejected so many times in a row shows that the estimate was too sure: what it measures becomes
 # uncertain again, and what it says next is weighed against that. Positions have a rule of their own.
 STUBBORN: dict[str, tuple[int, tuple[tuple[str, float | tuple[float, ...]], ...]]] = {
@@ -43,9 +46,12 @@ class Core:
         self.options = options
         self.book = SensorBook()
         self.place = Place(options)
+        self.pace = Pace(options.imu)
+        self.motion_measured = True
         self.calibration = Calibration()
         self.timeline: Timeline | None = None
         self.position_known = False
+        self.position_since_s = -math.inf
         self.last_fix_s: float | None = None
         self.motion_s = -math.inf
         self.velocity_aid_s = -math.inf
@@ -63,9 +69,11 @@ class Core:
             filter_,
             options.gate_probability,
             options.jump_m,
+            options.jump_share_of_std,
             options.jump_heading_rad,
             self._on_jump,
             options.imu.gyro_scale_std,
+            options.imu.gyro_cross_axis_std,
         )
         return self.timeline
 
@@ -119,5 +127,5 @@ class Core:
         return rate
 
     def _on_jump(self) -> None:
-        if self.position_known:
+        if self.position_known and self.now_s - self.position_since_s > SETTLING_S:
             self.reset_counter += 1

@@ -8,21 +8,20 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
-from bluerov_slam.errors import OutOfValidityError
 from bluerov_slam.navigation.seawater import (
     SEA_WATER_DENSITY_KG_PER_M3,
     STANDARD_ATMOSPHERE_PA,
     STANDARD_GRAVITY_MPS2,
     depth_m,
-    vehicle_depth,
 )
 from bluerov_slam.pipeline.navigator_watch import FrozenWatch, TimeWatch
+from bluerov_slam.pipeline.navigator_water import Water
 from bluerov_slam.pipeline.navigator_words import Fault
 
 if TYPE_CHECKING:
     from bluerov_slam.pipeline.navigator_options import DepthOptions
     from bluerov_slam.pipeline.navigator_sensors import SensorStatus
-    from bluerov_slam.records import CtdSample, SensorSample, VehicleDepth
+    from bluerov_slam.records import SensorSample, VehicleDepth
 
 # The first moments at the surface give the surface pressure: long enough to average a few waves.
 ZERO_OVER_S = 10.0
@@ -34,10 +33,6 @@ FROZEN_AT_LEAST = 12
 PRESSURE_POSSIBLE_PA = (50_000.0, 3.2e6)
 # The vehicle's own depth is taken once the link has brought no pressure for so long.
 LINK_GONE_S = 5.0
-# A probe in the air reads no salt at all: only what is under water says what the water is.
-WATER_BELOW_M = 0.5
-WATER_SMOOTHING = 0.05
-USUAL_LATITUDE_DEG = 45.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +59,7 @@ class DepthIntake:
         self.zeroed_by_user = False
         self.zeroed_itself = surface_pressure_pa is not None
         self._zeroing_s: float | None = None
-        self.latitude_deg: float | None = None
-        self._water: tuple[float, float] | None = None
+        self.water = Water(options.density_relative_std)
         self._relative_std = options.density_relative_std
         self._constant_density = False
 
@@ -86,21 +80,6 @@ class DepthIntake:
     def scale_std_m(self, depth: float) -> float:
         """What an unknown density does to a depth."""
         return self._relative_std * abs(depth)
-
-    def water(self, record: CtdSample) -> None:
-        """Temperature and salinity from the vehicle's own CTD: what the water above weighs."""
-        temperature, salinity = record.temperature_degc, record.salinity_psu
-        if temperature is None or salinity is None or not math.isfinite(temperature + salinity):
-            return
-        if record.depth_m is None or record.depth_m < WATER_BELOW_M:
-            return
-        if self._water is None:
-            self._water = (temperature, salinity)
-        before_t, before_s = self._water
-        self._water = (
-            before_t + WATER_SMOOTHING * (temperature - before_t),
-            before_s + WATER_SMOOTHING * (salinity - before_s),
-        )
 
     def sample(self, record: SensorSample) -> DepthReading | None:
         """The depth of one SENSORS frame, None where there is none to be used."""
@@ -156,25 +135,25 @@ class DepthIntake:
         return DepthReading(at_s, self.depth_m(pressure_pa))
 
     def depth_m(self, pressure_pa: float) -> float:
-        """Depth at a pressure: by the vehicle's own water where it is known, else by the standard ocean."""
+        """Depth at a pressure, through the water as it is known."""
         assert self.surface_pressure_pa is not None
         if self._constant_density:
             return float(depth_m(pressure_pa, self.surface_pressure_pa))
-        latitude_deg = USUAL_LATITUDE_DEG if self.latitude_deg is None else self.latitude_deg
-        temperature, salinity = self._water or (None, None)
-        try:
-            depth = vehicle_depth(pressure_pa, self.surface_pressure_pa, latitude_deg, temperature, salinity)
-        except OutOfValidityError:
-            self._relative_std = self._options.density_relative_std
-            return float(depth_m(pressure_pa, self.surface_pressure_pa))
-        self._relative_std = depth.relative_std
-        return depth.depth_m
+        deep_m, self._relative_std = self.water.depth(pressure_pa, self.surface_pressure_pa)
+        return deep_m
+
+    def resume_zero(self, surface_pressure_pa: float) -> None:
+        """The zero of before a restart: under water, no new one can be found."""
+        self.surface_pressure_pa = surface_pressure_pa
+        self.zeroed_itself, self._zeroing_s = True, None
 
     def zero_here(self) -> bool:
         """The user says that this is the surface. False: no pressure is known."""
         if not self._recent:
             return False
-        self.surface_pressure_pa = median(pressure for _, pressure in self._recent)
+        before_pa, self.surface_pressure_pa = self.surface_pressure_pa, median(pressure for _, pressure in self._recent)
+        if before_pa is not None:
+            self.water.rezero(before_pa - self.surface_pressure_pa)
         self.zeroed_by_user, self.zeroed_itself, self._zeroing_s = True, True, None
         return True
 

@@ -12,7 +12,7 @@ from bluerov_slam.navigation.ekf import Innovation
 from bluerov_slam.navigation.measurements import GroundVelocity, HorizontalPosition
 from bluerov_slam.navigation.steady_velocity import SteadyVelocity
 from bluerov_slam.pipeline.navigator_gps import Fix
-from bluerov_slam.pipeline.navigator_watch import TimeWatch, all_finite
+from bluerov_slam.pipeline.navigator_watch import FrozenWatch, TimeWatch, all_finite
 from bluerov_slam.pipeline.navigator_words import Fault
 
 if TYPE_CHECKING:
@@ -29,15 +29,20 @@ FIX_WANDER = "fix_wander"
 OLDEST_FIX_S = 10.0
 # Beyond these a covariance is a mistake of whoever made it.
 STD_POSSIBLE_M = (0.01, 1000.0)
+# What a source usually states, averaged over so long.
+USUAL_TIME_S = 60.0
+# Acoustic positions move by centimetres even when the vehicle lies still.
+FROZEN_AFTER_S, FROZEN_AT_LEAST = 20.0, 10
 DVL_INTERVAL_S = (0.01, 2.0)
 DVL_FASTEST_MPS = 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class WanderingPosition:
-    """A position whose slow error is a state of its own, the block `fix_wander`."""
+    """A position whose slow error is a state of its own: the block `fix_wander`, in units of `wander_m` (2, 2)."""
 
     position: HorizontalPosition
+    wander_m: Array
 
     @property
     def sensor(self) -> str:
@@ -50,22 +55,23 @@ class WanderingPosition:
         return self.position.at_s
 
     def evaluate(self, estimate: NavEstimate, layout: StateLayout) -> Innovation | None:
-        """z = (p + R l + wander) north, east."""
+        """z = (p + R l) north, east + wander."""
         innovation = self.position.evaluate(estimate, layout)
         if innovation is None or FIX_WANDER not in layout:
             return innovation
         place = layout[FIX_WANDER]
         jacobian = innovation.jacobian
-        jacobian[0, place.start] = jacobian[1, place.start + 1] = 1.0
-        return Innovation(innovation.residual - estimate.values[place], jacobian, innovation.noise)
+        jacobian[:, place] = self.wander_m
+        return Innovation(innovation.residual - self.wander_m @ estimate.values[place], jacobian, innovation.noise)
 
 
 @dataclass(frozen=True, slots=True)
 class StatedFix:
-    """A fix with its whole covariance, (2, 2) north and east."""
+    """A fix with its whole covariance, and what its source usually states: (2, 2) north and east."""
 
     fix: Fix
     covariance_m2: Array
+    usual_m2: Array
 
 
 class FixIntake:
@@ -75,6 +81,9 @@ class FixIntake:
         self._options = options
         self._status = status
         self._times = TimeWatch(OLDEST_FIX_S)
+        self._frozen = FrozenWatch(FROZEN_AFTER_S, FROZEN_AT_LEAST)
+        self._usual_m2: Array | None = None
+        self._usual_s = -math.inf
 
     def take(self, record: PositionFix) -> StatedFix | None:
         """A fix to be offered to the filter, None if it is none."""
@@ -87,6 +96,8 @@ class FixIntake:
             fault = Fault.NOT_A_NUMBER
         elif abs(record.latitude_deg) > 90.0 or abs(record.longitude_deg) > 360.0 or max(map(abs, place)) < 1e-3:
             fault = Fault.IMPOSSIBLE
+        if self._frozen.check(place, record.measured_s):
+            fault = fault or Fault.FROZEN
         covariance = self._covariance(record)
         if covariance is None:
             fault = fault or Fault.IMPOSSIBLE
@@ -95,7 +106,17 @@ class FixIntake:
             return None
         std_m = math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
         fix = Fix(record.measured_s - self._options.latency_s, record.arrived_s, *place, std_m)
-        return StatedFix(fix, covariance)
+        return StatedFix(fix, covariance, self._usual(covariance, record.measured_s))
+
+    def _usual(self, covariance_m2: Array, at_s: float) -> Array:
+        """With this one."""
+        if self._usual_m2 is None:
+            self._usual_m2 = covariance_m2
+        else:
+            share = -math.expm1(-max(0.0, at_s - self._usual_s) / USUAL_TIME_S)
+            self._usual_m2 = self._usual_m2 + share * (covariance_m2 - self._usual_m2)
+        self._usual_s = max(at_s, self._usual_s)
+        return self._usual_m2
 
     def _covariance(self, record: PositionFix) -> Array | None:
         if record.covariance_ne_m2 is None:

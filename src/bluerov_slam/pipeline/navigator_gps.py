@@ -51,23 +51,33 @@ def distance_m(latitude_a: float, longitude_a: float, latitude_b: float, longitu
 class Streak:
     """How many fixes in a row agree with each other: the next lies no further from the last than the vehicle can go."""
 
-    def __init__(self, within_m: float, speed_mps: float) -> None:
+    def __init__(
+        self, within_m: float, speed_mps: float, gap_s: float = STREAK_GAP_S, most_m: float = math.inf
+    ) -> None:
         self._within_m = within_m
         self._speed_mps = speed_mps
+        self._gap_s = gap_s
+        self._most_m = most_m
         self._last: Fix | None = None
+        self._first_s = math.nan
         self.length = 0
+
+    @property
+    def lasts_s(self) -> float:
+        """From its first fix to its last."""
+        return 0.0 if self._last is None else self._last.at_s - self._first_s
 
     def add(self, fix: Fix) -> bool:
         """Whether it continues the streak."""
         last, self._last = self._last, fix
         if last is None:
-            self.length = 1
+            self.length, self._first_s = 1, fix.at_s
             return True
         apart_s = fix.at_s - last.at_s
-        allowed_m = self._within_m + self._speed_mps * max(0.0, apart_s)
+        allowed_m = min(self._within_m + self._speed_mps * max(0.0, apart_s), self._most_m)
         apart_m = distance_m(last.latitude_deg, last.longitude_deg, fix.latitude_deg, fix.longitude_deg)
-        if apart_s > STREAK_GAP_S or apart_m > allowed_m:
-            self.length = 1
+        if apart_s > self._gap_s or apart_m > allowed_m:
+            self.length, self._first_s = 1, fix.at_s
             return apart_m <= allowed_m
         self.length += 1
         return True
@@ -189,26 +199,6 @@ class GpsGate:
         if wait is Wait.GPS_NO_FIX:
             self._streak.end()
         self._status.wait_for(wait, at_s)
-
-
-class Persistence:
-    """A position that the filter refuses and that stays all the same: after a while it is the filter that is wrong."""
-
-    def __init__(self, after_s: float, within_m: float, speed_mps: float) -> None:
-        self._after_s = after_s
-        self._streak = Streak(within_m, speed_mps)
-        self._since_s: float | None = None
-
-    def refused(self, fix: Fix) -> bool:
-        """Whether the refused positions have agreed for so long that they must be believed."""
-        if not self._streak.add(fix) or self._since_s is None or self._streak.length == 1:
-            self._since_s = fix.at_s
-        return fix.at_s - self._since_s >= self._after_s
-
-    def forget(self) -> None:
-        """A fix was accepted."""
-        self._since_s = None
-        self._streak.end()
 
 
 def _is_null_island(latitude_deg: float, longitude_deg: float) -> bool:

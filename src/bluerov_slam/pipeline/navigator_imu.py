@@ -98,7 +98,8 @@ class ImuIntake:
         if fault is not None:
             self._status.refuse(fault, record.arrived_s)
             return None
-        return self._angles(record.measured_s, roll, pitch, yaw + declination_rad, self._is_turned)
+        at_s = record.measured_s - self._options.latency_s
+        return self._angles(at_s, roll, pitch, yaw + declination_rad, self._is_turned)
 
     def autopilot(self, record: VehicleAttitude, measured_s: float) -> SensorAngles | None:
         """The autopilot's attitude, where the link has no IMU; its yaw is true."""
@@ -123,7 +124,7 @@ class ImuIntake:
             roll, pitch, heading = euler_from_rotation(rotation)
         options = self._options
         return SensorAngles(
-            at_s - options.latency_s,
+            at_s,
             roll,
             pitch,
             heading,

@@ -1,9 +1,10 @@
 """Every figure of the navigator that the vehicle itself does not measure.
 
-The defaults are what somebody knows who has read datasheets and the literature; no simulator was asked. Sources in
-short: [HWT905], [MS5837] the makers' registers and claims; [logs] measured on autopilot logs of BlueROV2; [survey] the
-literature on vehicles without DVL; [choice] a decision of ours. White noises are per root hertz, random walks per root
-second.
+The defaults are what somebody knows who has read datasheets and the literature; none is a figure of the simulator.
+Where that leaves a range, tuning dives (seeds 0 to 99) had a say: in the IMU's noises, walks and latency, the compass's
+period and the thrust scale's walk. Sources in short: [HWT905], [MS5837] the makers' registers and claims; [logs]
+measured on autopilot logs of BlueROV2; [survey] the literature on vehicles without DVL; [choice] a decision of ours.
+White noises are per root hertz, random walks per root second.
 """
 
 from __future__ import annotations
@@ -21,22 +22,28 @@ Vector = tuple[float, float, float]
 class ImuOptions:
     """Inertial sensors, and how the vehicle may move while there are none."""
 
-    # [logs] 0.011 to 0.024 deg/s and 0.006 to 0.009 m/s2 per root hertz, vibration included.
-    gyro_noise_radps: float = math.radians(0.02)
-    accelerometer_noise_mps2: float = 0.006
-    # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h.
+    # [survey] 0.005 to 0.01 deg/s and 0.0015 to 0.004 m/s2 per root hertz for a sensor of this class, the wire's steps
+    # 0.004 deg/s; [logs] of an autopilot 0.011 to 0.024 and 0.006 to 0.009, vibration included.
+    gyro_noise_radps: float = math.radians(0.012)
+    accelerometer_noise_mps2: float = 0.005
+    # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h, here 12 within 4 minutes.
     gyro_bias_std_radps: float = math.radians(0.3)
-    gyro_bias_walk_radps: float = 1.6e-6
+    gyro_bias_walk_radps: float = 4e-6
     # [choice] what a turn leaves of a gyro's scale error and misalignment, 1 to 2 % of consumer sensors: half a turn
     # is wrong by 2 to 3 deg. Without it turns would teach the compass a deviation that it has not.
     gyro_scale_std: float = 0.012
-    # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug, and temperature.
+    # [choice] and of axes that are not square, 0.5 % of consumer sensors: half a turn may tilt the estimate by 0.9 deg.
+    gyro_cross_axis_std: float = 0.005
+    # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug. [choice] 1 mg a degree of temperature.
     accelerometer_bias_std_mps2: float = 0.05
-    accelerometer_bias_walk_mps2: float = 1e-4
+    accelerometer_bias_walk_mps2: float = 5e-4
+    # [HWT905] claims 0.1 deg at its best. Errors that are no states, such as its axes in its case, are always added to
+    # the stated error of roll and pitch.
+    tilt_least_std_rad: float = math.radians(0.1)
     # Turns the readings of an IMU that is not mounted as the firmware assumes.
     mounting_rpy_deg: Vector = (0.0, 0.0, 0.0)
-    # Age of a sample when it is stamped.
-    latency_s: float = 0.0
+    # Age of a sample when it is stamped. [choice] a sensor that filters at 20 Hz lags by 8 ms, and by half a cycle.
+    latency_s: float = 0.012
     silent_after_s: float = 0.5
     # The sensor's own angles. [HWT905] claims 0.1 deg in motion, but waves accelerate the vehicle; [survey] heading 2
     # to 5 deg.
@@ -44,10 +51,15 @@ class ImuOptions:
     angle_heading_std_rad: float = math.radians(3.0)
     # Without an IMU velocity and attitude walk. [logs] yaw rate 17 to 23 deg/s at the 95th percentile.
     kinematic_attitude_walk_rad: float = 0.35
-    # An ROV stops and turns within seconds: where nothing measures its velocity it dies away, and keeps 0.4 m/s
-    # rms.
-    kinematic_velocity_walk_mps: float = 0.25
-    kinematic_velocity_time_s: float = 6.0
+    kinematic_velocity_walk_mps: float = 0.25  # while thrusters or a DVL tell the velocity
+    # Where nothing does, it goes over into the water's within seconds, as an ROV stops and turns, [logs] with 0.5 m/s
+    # rms per axis on lively dives and less on quiet ones: learned within these limits.
+    kinematic_velocity_time_s: float = 4.0
+    kinematic_speed_std_mps: float = 0.5
+    kinematic_speed_limits_mps: tuple[float, float] = (0.15, 0.7)
+    # [choice] a pilot holds a course for a minute or two. Then current and course look the same, and the current stands
+    # for both: it wanders until it is as unknown as a current may be.
+    kinematic_course_walk_mps: float = 0.016
     # What is left when nothing was measured for longer: adrift with a current, 0.46 m/s rms that last.
     adrift_after_s: float = 30.0
     adrift_velocity_walk_mps: float = 0.12
@@ -77,8 +89,10 @@ class CompassOptions:
     # [survey] 2 to 10 deg beside servos and power leads, with all thrusters at full current; a state of its own.
     throttle_std_rad: float = math.radians(4.0)
     thruster_calibrated_share: float = 0.35  # [choice] what a calibration of the thruster field leaves of it
-    # [choice] values are taken this far apart: the field of cables and motors does not change from sample to sample.
+    # [choice] readings are this far apart, and those for the filter: the field of cables and motors changes with the
+    # sticks, within seconds, so that nearer values share their error. A swing needs them closer.
     period_s: float = 0.5
+    filter_period_s: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +130,9 @@ class GpsOptions:
     latency_s: float = 0.1
     period_s: float = 0.9
     lever_arm_frd_m: Vector = (0.0, 0.0, -0.15)
+    # [survey] receivers claim 0.05 m/s per axis, more in waves, whose motion they smooth; learned between half and four
+    # times this.
+    velocity_std_mps: float = 0.07
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +143,10 @@ class FixOptions:
     # [survey] jitter of centimetres, slow errors of 1 to 8 m: most of the error lasts from fix to fix.
     white_share: float = 0.4
     wander_time_s: float = 30.0
+    # [choice] refused fixes that agree with each other for so long are believed, with a reset: what the vehicle itself
+    # measures leads it astray by a few metres in half a minute, where it measures nothing by ten within ten seconds.
     jump_persists_s: float = 30.0
+    jump_persists_unaided_s: float = 10.0
     latency_s: float = 0.0
     lever_arm_frd_m: Vector = (0.0, 0.0, 0.0)
 
@@ -138,7 +158,8 @@ class ThrustOptions:
     layout: ThrusterLayout | None = BLUEROV2  # None: another vehicle, its thrusters tell nothing
     noise_mps: float = 0.05  # [survey] per root second: gusts, tether, wash
     scale_std: tuple[float, float] = (0.10, 0.05)  # [survey] 20 % of thrust is 11 % of speed; sway half
-    scale_walk: float = 1e-5
+    # [choice] 6 % in half an hour: another speed, another part of the thrusters' curve, tether, battery, fouling.
+    scale_walk: float = 1.5e-3
     current_std_mps: float = 0.2  # [survey] 0.05 to 0.4 m/s
     current_walk_mps: float = 1e-3  # [survey] 0.0005 to 0.003
     stale_after_s: float = 0.6
@@ -179,8 +200,10 @@ class NavigatorOptions:
     aided_age_s: float = 10.0  # a fix younger than this is "aided"
     # [choice] without any motion sensor for so long an ROV may be anywhere within a hundred metres: nothing is stated.
     unknown_after_s: float = 60.0
-    # A correction beyond these counts up `reset_counter`.
+    # A correction beyond these counts up `reset_counter`. A controller that knows how uncertain the position is follows
+    # a small share of that by itself: the position's limit grows with its stated standard deviation.
     jump_m: float = 1.0
+    jump_share_of_std: float = 0.25
     jump_heading_rad: float = math.radians(10.0)
     save_limit_s: float = 3600.0  # a saved state older than this is not taken up
     resume_speed_mps: float = 0.6  # how fast the vehicle may have moved while nobody looked

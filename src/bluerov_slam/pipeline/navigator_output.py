@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bluerov_slam.navigation.rotation import quaternion_from_rotation
+from bluerov_slam.pipeline.navigator_words import Fault
 from bluerov_slam.records import EventLevel, NavMode, NavState, SensorTrust
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from bluerov_slam.navigation.state import NavEstimate
     from bluerov_slam.pipeline.navigator_core import Core
     from bluerov_slam.pipeline.navigator_depth import DepthIntake
-    from bluerov_slam.records import NavSensor
+    from bluerov_slam.records import NavSensor, VehicleRange
 
     Array = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ DISTANCE_STEP_S = 1.0
 ALTITUDES_KEPT = 8
 # An older height above the bottom is another place's.
 ALTITUDE_AGE_S = 3.0
+# An echo sounder that believes its own value less than this follows noise, or fish.
+ALTITUDE_LEAST_PERCENT = 30
 # Slower than this the path's length would be noise.
 DISTANCE_LEAST_MPS = 0.05
 POSE = np.array([0, 1, 2, 6, 7, 8])
@@ -68,6 +71,8 @@ class Output:
             position = (north, east, down)
         else:
             pose[:2, :] = pose[:, :2] = np.nan
+        pose[3, 3] += core.options.imu.tilt_least_std_rad**2
+        pose[4, 4] += core.options.imu.tilt_least_std_rad**2
         depth_m = float(estimate.values[2])
         depth_std_m: float | None = math.hypot(math.sqrt(pose[2, 2]), self._depth.scale_std_m(depth_m))
         pose[2, 2] = depth_std_m**2 if depth_std_m is not None else np.nan
@@ -98,13 +103,20 @@ class Output:
             sensors=sensors,
         )
 
-    def take_altitude(self, measured_s: float, altitude_m: float) -> None:
+    def take_altitude(self, measured_s: float, record: VehicleRange) -> None:
         """A height above the bottom, as an echo sounder says it: shown, not used for the estimate."""
-        status = self._core.book["altitude"]
-        status.hear(self._core.now_s)
-        if math.isfinite(altitude_m) and altitude_m > 0.0:
+        status, now_s = self._core.book["altitude"], self._core.now_s
+        quality = record.quality_percent
+        if not math.isfinite(record.distance_m):
+            status.refuse(Fault.NOT_A_NUMBER, now_s)
+        elif record.distance_m <= 0.0:
+            status.refuse(Fault.IMPOSSIBLE, now_s)
+        elif quality is not None and quality < ALTITUDE_LEAST_PERCENT:
+            status.refuse(Fault.ECHO_WEAK, now_s)
+        else:
+            status.hear(now_s)
             status.use(measured_s)
-            self._altitudes.append((measured_s, altitude_m))
+            self._altitudes.append((measured_s, record.distance_m))
 
     def _altitude(self, at_s: float) -> float | None:
         """The newest that is not of another time."""

@@ -10,8 +10,9 @@ import numpy as np
 
 from bluerov_slam.navigation.measurements import HorizontalPosition
 from bluerov_slam.navigation.process import Earth, ProcessModel
-from bluerov_slam.pipeline.navigator_fix import FixIntake, WanderingPosition
-from bluerov_slam.pipeline.navigator_gps import GpsGate, Persistence, Streak
+from bluerov_slam.pipeline.navigator_fix import FIX_WANDER, FixIntake, WanderingPosition
+from bluerov_slam.pipeline.navigator_gps import GpsGate, Streak
+from bluerov_slam.pipeline.navigator_gps_velocity import GpsVelocity
 from bluerov_slam.pipeline.navigator_start import (
     UNKNOWN_HEADING_STD_RAD,
     UNKNOWN_POSITION_STD_M,
@@ -35,13 +36,17 @@ if TYPE_CHECKING:
 # A position that had to be forced shows that velocity and current were wrong as well.
 REACQUIRED_VELOCITY_STD_MPS = 0.3
 REACQUIRED_CURRENT_STD_MPS = 0.2
-# Refused fixes that agree with each other and lie no further off than this are a manoeuvre; beyond, they must persist.
-AGREE_WITHIN_M, AGREE_SPEED_MPS = 3.0, 2.0
+# Refused fixes agree where the vehicle can have gone from one to the next; after a gap anything could, so not further
+# than this. Two in a row that lie near are a manoeuvre, and no echoes; further off it takes more, and time.
+AGREE_WITHIN_M, AGREE_SPEED_MPS, AGREE_MOST_M, AGREE_GAP_S = 3.0, 2.0, 10.0, 30.0
 TURNED_WITHIN_M = 12.0
 TURNED_VELOCITY_STD_MPS = 0.5
+MOVED_AT_LEAST = 3
 # The slow error follows the learned scale in steps, and its speed never goes below a fifth.
 WANDER_STEP = 0.1
 LEAST_WANDER = 0.2
+# What a source states is followed in steps, too.
+RESTATED = 0.02
 LABELS = {"gps": "GPS", "position": "position fixes"}
 
 
@@ -52,22 +57,24 @@ class Positions:
         self._core = core
         options = core.options
         self.gps = GpsGate(options.gps, core.book["gps"])
+        self.gps_velocity = GpsVelocity(core)
         self.fixes = FixIntake(options.fix, core.book["position"])
         self._wander_scale = 1.0
-        self._refused: dict[str, Streak] = {
-            source: Streak(AGREE_WITHIN_M, AGREE_SPEED_MPS) for source in ("gps", "position")
-        }
-        speed = options.gps.consistent_speed_mps
-        self._persistence = {
-            "gps": Persistence(options.gps.jump_persists_s, options.gps.consistent_within_m, speed),
-            "position": Persistence(options.fix.jump_persists_s, options.gps.consistent_within_m, speed),
+        self._wander_m: Array | None = None
+        gps = options.gps
+        self._refused = {
+            "gps": Streak(gps.consistent_within_m, gps.consistent_speed_mps),
+            "position": Streak(AGREE_WITHIN_M, AGREE_SPEED_MPS, AGREE_GAP_S, AGREE_MOST_M),
         }
 
     def gps_frame(self, record: GpsFix, travelled_m: float) -> None:
         """A GPS frame."""
         if record.utc_unix_s is not None:
             self._core.place.utc_unix_s = record.utc_unix_s
-        self._gps(self.gps.frame(record, self._core.depth_m(), travelled_m))
+        fix = self.gps.frame(record, self._core.depth_m(), travelled_m)
+        self._gps(fix)
+        if fix is not None:
+            self.gps_velocity.take(record, fix.at_s)
 
     def gps_sample(self, record: SensorSample, travelled_m: float) -> None:
         """The position inside SENSORS."""
@@ -78,17 +85,33 @@ class Positions:
         stated = self.fixes.take(record)
         if stated is None:
             return
-        options = self._core.options.fix
-        scale = self._core.book["position"].noise_scale
-        self._scale_wander(scale)
-        wander = options.std_m**2 * (1.0 - options.white_share**2)
-        white = stated.covariance_m2 * options.white_share**2 + _beyond(
-            stated.covariance_m2, wander, options.white_share
-        )
-        white *= scale**2
-        self._offer(stated.fix, "position", white, options.lever_arm_frd_m)
+        core, options = self._core, self._core.options.fix
+        scale = core.book["position"].noise_scale
+        self._pace_wander(scale)
+        # What this fix states beyond the usual is its own, so it is white.
+        slow_share2 = 1.0 - options.white_share**2
+        white_m2 = stated.covariance_m2 * options.white_share**2
+        white_m2 += _beyond(stated.covariance_m2 - stated.usual_m2) * slow_share2
+        white_m2 *= scale**2
+        self._restate_wander(_root(stated.usual_m2 * slow_share2) * max(scale, 1.0))
+        self._offer(stated.fix, "position", white_m2, options.lever_arm_frd_m, self._wander_m)
 
-    def _scale_wander(self, scale: float) -> None:
+    def _restate_wander(self, wander_m: Array) -> None:
+        """The source states another error: then the slow error so far has grown (or shrunk) with it, and the position
+        that was taken from its fixes is as wrong. What is expected of the next fix stays the same.
+        """
+        before_m, timeline = self._wander_m, self._core.timeline
+        if before_m is not None and np.abs(wander_m - before_m).max() < RESTATED * np.abs(before_m).max():
+            return
+        self._wander_m = wander_m
+        if before_m is None or timeline is None:
+            return
+        values = np.linalg.solve(wander_m, before_m @ timeline.filter.estimate.block(FIX_WANDER))
+        share = np.zeros((3, 2))
+        share[:2] = before_m - wander_m
+        timeline.buffer.mix_errors("position", FIX_WANDER, share, values)
+
+    def _pace_wander(self, scale: float) -> None:
         """Learned innovations show how fast the slow error changes, not how large it is: quiet fixes may all be wrong
         by the same metres. So a smaller scale makes it slower; only a larger one makes it larger.
         """
@@ -97,13 +120,11 @@ class Positions:
             return
         self._wander_scale = scale
         filter_ = timeline.filter
-        noise = process_noise(self._core.options)
-        noise = replace(
-            noise,
-            fix_wander_std_m=noise.fix_wander_std_m * max(scale, 1.0),
-            fix_wander_time_s=noise.fix_wander_time_s / min(max(scale, LEAST_WANDER), 1.0) ** 2,
-        )
+        noise = replace(process_noise(self._core.options), fix_wander_time_s=self._wander_time_s())
         filter_.process = ProcessModel(filter_.layout, noise, filter_.process.earth)
+
+    def _wander_time_s(self) -> float:
+        return self._core.options.fix.wander_time_s / min(max(self._wander_scale, LEAST_WANDER), 1.0) ** 2
 
     def _gps(self, fix: Fix | None) -> None:
         if fix is None:
@@ -111,7 +132,8 @@ class Positions:
         options = self._core.options.gps
         wander = options.std_m_per_hdop**2 * (1.0 - options.white_share**2)
         covariance = fix.std_m**2 * np.eye(2)
-        white = covariance * options.white_share**2 + _beyond(covariance, wander, options.white_share)
+        white = covariance * options.white_share**2
+        white += _beyond(covariance * (1.0 - options.white_share**2) - wander * np.eye(2))
         white *= self._core.book["gps"].noise_scale ** 2
         self._offer(fix, "gps", white, options.lever_arm_frd_m)
 
@@ -121,7 +143,9 @@ class Positions:
         source: str,
         white_m2: Array,
         lever_frd_m: tuple[float, float, float],
+        wander_m: Array | None = None,
     ) -> None:
+        """`wander_m`: the slow error of fixes from outside; GPS has its own."""
         core = self._core
         if core.timeline is None:
             core.book[source].wait_for(Wait.NO_ATTITUDE, fix.arrived_s)
@@ -129,12 +153,13 @@ class Positions:
         core.book[source].wait_for(None, fix.arrived_s)
         if core.place.frame is None:
             self.settle(fix)
-        north_m, east_m = core.place.offset_m(fix.latitude_deg, fix.longitude_deg)
-        wanders_like_gps = source == "gps"
-        position = HorizontalPosition(fix.at_s, north_m, east_m, white_m2, source, lever_frd_m, wanders_like_gps)
-        measurement: Measurement = position if wanders_like_gps else WanderingPosition(position)
-
-        done = partial(self._done, fix=fix, source=source, place_ne_m=(north_m, east_m), measurement=measurement)
+        place_ne_m = core.place.offset_m(fix.latitude_deg, fix.longitude_deg)
+        position = HorizontalPosition(fix.at_s, *place_ne_m, white_m2, source, lever_frd_m, wander_m is None)
+        measurement: Measurement = position
+        if wander_m is not None:
+            measurement = WanderingPosition(position, wander_m)
+            core.pace.compare(fix.at_s, np.array(place_ne_m), white_m2, wander_m @ wander_m.T, self._wander_time_s())
+        done = partial(self._done, fix=fix, source=source, place_ne_m=place_ne_m, measurement=measurement)
         core.timeline.offer(measurement, done, gated=core.position_known)
 
     def _done(
@@ -144,25 +169,37 @@ class Positions:
         core.account(result)
         core.book[source].changed = True
         if result.accepted:
-            self._persistence[source].forget()
             self._refused[source].end()
             if not core.position_known:
                 core.position_known = True
+                core.position_since_s = core.now_s
                 core.say(f"Position known, from {LABELS[source]}")
             core.last_fix_s = result.at_s
+            if source == "position":
+                self._forecast(place_ne_m, measurement)
             return
         if source == "gps":
             core.book[source].refuse(Fault.GPS_JUMP, fix.arrived_s)
-        if source == "position" and self._turned(result, fix, measurement):
+        self._refused[source].add(fix)
+        if source == "position" and self._turned(result, measurement):
             return
-        if self._persistence[source].refused(fix):
+        if self._stays(source):
             self._reacquire(source, place_ne_m, measurement)
 
-    def _turned(self, result: UpdateResult, fix: Fix, measurement: Measurement) -> bool:
-        """Two fixes in a row that were refused and agree: not echoes, but a vehicle that turned or stopped."""
+    def _forecast(self, place_ne_m: tuple[float, float], measurement: Measurement) -> None:
+        """Remember what is expected from here on, where no sensor of motion will tell."""
+        core = self._core
+        if core.motion_measured or core.timeline is None:
+            return
+        filter_ = core.timeline.filter
+        innovation = measurement.evaluate(filter_.estimate, filter_.layout)
+        if innovation is not None:
+            core.pace.begin(filter_, np.array(place_ne_m), innovation)
+
+    def _turned(self, result: UpdateResult, measurement: Measurement) -> bool:
+        """Fixes in a row that were refused, agree and lie near: not echoes, but a vehicle that turned or stopped."""
         core, streak = self._core, self._refused["position"]
         off_m = float(np.sqrt(result.residual @ result.residual))
-        streak.add(fix)
         if streak.length < 2 or off_m > TURNED_WITHIN_M or core.timeline is None:
             return False
         streak.end()
@@ -170,8 +207,17 @@ class Positions:
         core.timeline.buffer.add_uncertainty("velocity", (TURNED_VELOCITY_STD_MPS, TURNED_VELOCITY_STD_MPS, 0.0))
         core.timeline.offer(Snapped(measurement, core.timeline.at_s), core.account)
         core.last_fix_s = core.timeline.at_s
-        self._persistence["position"].forget()
         return True
+
+    def _stays(self, source: str) -> bool:
+        """Whether refused fixes have agreed with each other for so long that they must be believed."""
+        options, streak = self._core.options, self._refused[source]
+        if source == "gps":
+            return streak.lasts_s >= options.gps.jump_persists_s
+        persists_s = options.fix.jump_persists_s
+        if not self._core.motion_measured:
+            persists_s = options.fix.jump_persists_unaided_s
+        return streak.length >= MOVED_AT_LEAST and streak.lasts_s >= persists_s
 
     def settle(self, fix: Fix) -> None:
         """The first position: the origin, true north, and with it the heading."""
@@ -195,8 +241,9 @@ class Positions:
         core.timeline.offer(Snapped(measurement, core.timeline.at_s), core.account, gated=False)
         core.last_fix_s = core.timeline.at_s
         core.reset_counter += 1
-        for persistence in self._persistence.values():
-            persistence.forget()
+        core.pace.hold()
+        for streak in self._refused.values():
+            streak.end()
         moved_m = float(np.hypot(place_ne_m[0] - north, place_ne_m[1] - east))
         core.say(
             f"The position was moved by {moved_m:.0f} m to the {LABELS[source]}, which stayed there although they "
@@ -223,9 +270,15 @@ def align(core: Core, turn_rad: float) -> None:
     filter_.set_earth(Earth(core.place.latitude_deg))
 
 
-def _beyond(covariance_m2: Array, wander_m2: float, white_share: float) -> Array:
-    """What of the slow error is larger than the wander that the filter knows: counted as white."""
-    slow = covariance_m2 * (1.0 - white_share**2) - wander_m2 * np.eye(2)
-    values, vectors = np.linalg.eigh(slow)
+def _beyond(excess_m2: Array) -> Array:
+    """The part of a difference of covariances that is above zero."""
+    values, vectors = np.linalg.eigh(excess_m2)
     beyond: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return beyond
+
+
+def _root(covariance_m2: Array) -> Array:
+    """The symmetric root of a covariance."""
+    values, vectors = np.linalg.eigh(covariance_m2)
+    root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return root

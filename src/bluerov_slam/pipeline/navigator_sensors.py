@@ -29,12 +29,15 @@ NOISE_LIMITS = {
     "compass": (0.1, 4.0),
     "depth": (0.05, 5.0),
     "gps": (0.5, 3.0),
+    "gps_velocity": (0.5, 4.0),
     "position": (0.1, 4.0),
     "thrust": (0.6, 3.0),
     "dvl": (0.5, 4.0),
     "acoustics": (0.1, 3.0),
 }
 LEARNING = 0.015
+# Values that come one in four seconds must tell more each, or a dive is over before anything was learned.
+LEARNING_RARE = {"thrust": 0.05}
 # One value tells no more than this, so that an outlier teaches nothing.
 MOST_TOLD = 4.0
 
@@ -52,6 +55,7 @@ class SensorStatus:
         self.rejected_in_a_row = 0
         self.noise_scale = 1.0
         self.wait: Wait | None = None
+        self.remark = ""
         self.faults: dict[Fault, int] = {}
         self._fault: Fault | None = None
         self._fault_s = 0.0
@@ -75,6 +79,11 @@ class SensorStatus:
         self.hear(at_s)
         self.changed |= wait is not self.wait
         self.wait = wait
+
+    def note(self, remark: str) -> None:
+        """What a user should know of a sensor although it is used; empty: nothing."""
+        self.changed |= remark != self.remark
+        self.remark = remark
 
     def use(self, at_s: float, nis: float | None = None, dof: int = 0) -> None:
         """A value went into the estimate."""
@@ -120,7 +129,8 @@ class SensorStatus:
 
     def _learn(self, ratio: float) -> None:
         low, high = NOISE_LIMITS.get(self.name, (1.0, 1.0))
-        scale = self.noise_scale * math.exp(LEARNING * (min(ratio, MOST_TOLD) - 1.0))
+        learning = LEARNING_RARE.get(self.name, LEARNING)
+        scale = self.noise_scale * math.exp(learning * (min(ratio, MOST_TOLD) - 1.0))
         self.noise_scale = min(max(scale, low), high)
 
     def _trust(self, now_s: float) -> tuple[SensorTrust, str]:
@@ -137,7 +147,7 @@ class SensorStatus:
             return SensorTrust.REJECTED, rejected_text(self.name)
         if self.used_s is None:
             return SensorTrust.WAITING, wait_text(Wait.NO_ATTITUDE)
-        return SensorTrust.USED, ""
+        return SensorTrust.USED, self.remark
 
 
 class SensorBook:

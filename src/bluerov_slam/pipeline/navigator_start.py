@@ -49,15 +49,16 @@ LEVEL_WITHIN = 0.5  # of gravity along the vertical axis: more than 60 deg of ti
 
 @dataclass(frozen=True, slots=True)
 class NavigatorNoise(ProcessNoise):
-    """The filter's process noise with the slow error of position fixes beside that of GPS."""
+    """The filter's process noise with the slow error of position fixes beside that of GPS: in units of what the fixes'
+    source states.
+    """
 
-    fix_wander_std_m: float = 1.5
     fix_wander_time_s: float = 30.0
 
     def wanders(self) -> tuple[tuple[str, float, float], ...]:
         """Gauss-Markov blocks: name, standard deviation at rest, correlation time in seconds."""
         # The base class is named: a class with slots is made anew by `dataclass`, so that super() would not find it.
-        return (*ProcessNoise.wanders(self), (FIX_WANDER, self.fix_wander_std_m, self.fix_wander_time_s))
+        return (*ProcessNoise.wanders(self), (FIX_WANDER, 1.0, self.fix_wander_time_s))
 
 
 _EXTRA = ((FIX_WANDER, 2), (THRUSTER_FIELD, 2))
@@ -149,7 +150,6 @@ def process_noise(options: NavigatorOptions) -> NavigatorNoise:
         depth_bias_walk_m_per_sqrt_s=options.depth.bias_walk_m,
         dvl_scale_walk_per_sqrt_s=options.dvl.walk,
         dvl_yaw_walk_rad_per_sqrt_s=options.dvl.walk,
-        fix_wander_std_m=fix.std_m * math.sqrt(1.0 - fix.white_share**2),
         fix_wander_time_s=fix.wander_time_s,
         extra_walks=() if options.acoustics is None else ((MOUNTING, options.acoustics.mounting_walk_rad),),
     )
@@ -174,6 +174,12 @@ def compass_prior(
     if not declination_known:
         std = (math.hypot(std[0], UNKNOWN_DECLINATION_STD_RAD), std[1], std[2])
     return values, std
+
+
+def thruster_field_std_rad(options: NavigatorOptions, calibration: Calibration) -> float:
+    """What the thrusters' field may turn the compass by at full current."""
+    share = 1.0 if calibration.thruster_field is None else options.compass.thruster_calibrated_share
+    return options.compass.throttle_std_rad * share
 
 
 def make_filter(
@@ -202,12 +208,11 @@ def make_filter(
         thrust_scale=options.thrust.scale_std,
         compass=compass_std,
         compass_wander=options.compass.wander_std_rad,
-        thruster_field=options.compass.throttle_std_rad
-        * (1.0 if calibration.thruster_field is None else options.compass.thruster_calibrated_share),
+        thruster_field=thruster_field_std_rad(options, calibration),
         gps_wander=noise.gps_wander_std_m,
         depth_bias=depth_bias_std_m,
         dvl=(options.dvl.scale_std, options.dvl.yaw_std_rad),
-        fix_wander=noise.fix_wander_std_m,
+        fix_wander=1.0,
         **_acoustic_std(options.acoustics),
     )
     return ErrorStateFilter(estimate, std, noise, None if latitude_deg is None else Earth(latitude_deg))

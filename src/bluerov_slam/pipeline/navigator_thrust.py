@@ -45,6 +45,7 @@ class ThrustIntake:
         self._pwm_s = -math.inf
         self._ran_s: float | None = None
         self._taken_s = -math.inf
+        self._moves_mps: tuple[float, float] | None = None
         self._voltage_v: float | None = None
         self._voltage_s = -math.inf
 
@@ -60,6 +61,10 @@ class ThrustIntake:
         if self._pwm_us is None or at_s - self._pwm_s > self._options.stale_after_s:
             return None
         return self._model.effort(self._pwm_us)
+
+    def ahead_mps(self, at_s: float) -> tuple[float, float] | None:
+        """Speed through the water ahead and to starboard by the model; None while nobody tells the commands."""
+        return None if at_s - self._pwm_s > self._options.stale_after_s else self._moves_mps
 
     def servos(
         self,
@@ -103,9 +108,12 @@ class ThrustIntake:
             # What happened meanwhile is unknown: some seconds under the present command are a guess, no measurement.
             self._vehicle.reset()
             self._vehicle.update(pwm_us, voltage_v, 10.0, None)
+            self._moves_mps = None
             return None
         rate = None if angular_rate_frd_radps is None else angular_rate_frd_radps.tolist()
         velocity = self._vehicle.update(before, voltage_v, held_s, rate)
+        if velocity is not None:
+            self._moves_mps = (float(velocity.velocity_frd_mps[0]), float(velocity.velocity_frd_mps[1]))
         period_s = self._options.period_without_imu_s if rate is None else self._options.period_s
         if velocity is None or measured_s - self._taken_s < period_s - 1e-3:
             return None

@@ -7,6 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from bluerov_slam.navigation.delay_buffer import DEPTH_S, DelayBuffer
 from bluerov_slam.navigation.rotation import wrap_angle
 
@@ -27,6 +29,8 @@ LONGEST_GAP_S = 600.0
 USUAL_INTERVAL_S = 0.12
 MISSED_RATE_RADPS = 0.15
 WOBBLE_RADPS = 0.06
+# What rolls to and fro within this time does not turn.
+TURNING_S = 2.0
 MISSED_ACCELERATION_MPS2 = 0.3
 
 
@@ -60,7 +64,8 @@ class Snapped:
 class Timeline:
     """Runs one filter. `shift_ne_m` adds up what updates moved the position by, as opposed to motion.
 
-    `on_jump` hears of single updates that moved position (m) or heading (rad) further than allowed.
+    `on_jump` hears of single updates that moved position or heading further than a jump's limit: `jump_m` or
+    `jump_share` of the horizontal standard deviation before it, whichever is larger; `jump_rad`.
     """
 
     def __init__(
@@ -68,18 +73,22 @@ class Timeline:
         filter_: ErrorStateFilter,
         gate_probability: float,
         jump_m: float,
+        jump_share: float,
         jump_rad: float,
         on_jump: Callable[[], None],
         gyro_scale_std: float = 0.0,
+        gyro_cross_axis_std: float = 0.0,
     ) -> None:
         self.filter = filter_
         self.buffer = DelayBuffer(filter_)
         self.too_old = 0
         self.shift_ne_m = [0.0, 0.0]
         self._jump_m = jump_m
+        self._jump_share = jump_share
         self._jump_rad = jump_rad
         self._on_jump = on_jump
-        self._gyro_scale_std = gyro_scale_std
+        self._turning_radps = np.zeros(3)
+        self._gyro_std = np.array((gyro_cross_axis_std, gyro_cross_axis_std, gyro_scale_std))
         self._gate_probability = gate_probability
         self._waiting: list[tuple[float, int, Offer]] = []
         self._sequence = 0
@@ -112,12 +121,15 @@ class Timeline:
         if sample.at_s <= self.at_s:
             return
         self.buffer.predict_strapdown(sample)
-        rate = sample.angular_rate_frd_radps
-        turning_radps = math.sqrt(float(rate @ rate)) - WOBBLE_RADPS
+        self._turning_radps += (sample.angular_rate_frd_radps - self._turning_radps) * min(
+            1.0, sample.interval_s / TURNING_S
+        )
+        turning_radps = math.sqrt(float(self._turning_radps @ self._turning_radps)) - WOBBLE_RADPS
         if turning_radps > 0.0:
             # As much after half a turn as the scale's error of it; wobbling, which adds up to nothing, is left out.
-            std_rad = self._gyro_scale_std * math.sqrt(math.pi * turning_radps * sample.interval_s)
-            self.buffer.add_uncertainty("attitude", (0.0, 0.0, std_rad))
+            self.buffer.add_uncertainty(
+                "attitude", self._gyro_std * math.sqrt(math.pi * turning_radps * sample.interval_s)
+            )
         missed_s = sample.interval_s - USUAL_INTERVAL_S
         if missed_s > 0.0:
             self.buffer.add_uncertainty("attitude", MISSED_RATE_RADPS * missed_s)
@@ -165,6 +177,7 @@ class Timeline:
         if abs(measurement.at_s - self.at_s) <= NEAR_S:
             measurement = Snapped(measurement, self.at_s)
         north, east = filter_.estimate.values[:2].tolist()
+        variance_m2 = float(filter_.covariance[0, 0] + filter_.covariance[1, 1])
         heading = level_heading_rad(filter_)
         result = self.buffer.update(measurement, offer.gate_probability, offer.robust)
         if result is None:
@@ -176,7 +189,8 @@ class Timeline:
             self.shift_ne_m[0] += moved_north
             self.shift_ne_m[1] += moved_east
             turned = abs(wrap_angle(level_heading_rad(filter_) - heading))
-            if turned > self._jump_rad or math.hypot(moved_north, moved_east) > self._jump_m:
+            allowed_m = max(self._jump_m, self._jump_share * math.sqrt(variance_m2))
+            if turned > self._jump_rad or math.hypot(moved_north, moved_east) > allowed_m:
                 self._on_jump()
         if offer.done is not None:
             offer.done(result)

@@ -28,6 +28,7 @@ class Fault(StrEnum):
     PRESSURE_RANGE = "pressure_range"
     PWM_RANGE = "pwm_range"
     DVL_CONFIDENCE = "dvl_confidence"
+    ECHO_WEAK = "echo_weak"
 
 
 class Wait(StrEnum):
@@ -128,6 +129,10 @@ _SPECIAL = {
     ("position", Fault.IMPOSSIBLE): (
         "The position system sends a place that does not exist, or an impossible uncertainty. Check its set-up."
     ),
+    ("position", Fault.FROZEN): (
+        "The position system repeats exactly the same place, which no working one does. It hangs, or has lost the "
+        "vehicle's beacon: check the beacon, restart the system."
+    ),
     ("position", Fault.SILENT): "No position fixes come any more. Check the position system and its beacon.",
     ("thrust", Fault.PWM_RANGE): (
         "The autopilot reports impossible thruster signals. Check that channels 1 to 6 or 8 drive the thrusters."
@@ -141,6 +146,12 @@ _SPECIAL = {
     ),
     ("dvl", Fault.DVL_CONFIDENCE): (
         "The DVL has lost the bottom: too far, too near, or too steep. Its values count again once it sees the bottom."
+    ),
+    ("altitude", Fault.ECHO_WEAK): (
+        "The echo sounder does not believe its own echo: too far from the bottom, too near, or fish and bubbles below."
+    ),
+    ("altitude", Fault.SILENT): (
+        "The autopilot tells no height any more. Check the echo sounder and that DISTANCE_SENSOR reaches the extension."
     ),
     ("dvl", Fault.SILENT): "Nothing comes from the DVL any more. Check its cable and its driver.",
 }
@@ -181,6 +192,19 @@ _REJECTED = {
     ),
     "dvl": "Its speed contradicts everything else: it sees something that moves, or it is mounted at another angle.",
 }
+
+
+def odd_thrust_text(off_percent: float) -> str:
+    """A vehicle whose thrusters drive it much faster or slower than any usual one."""
+    if off_percent < 0.0:
+        return (
+            f"The thrusters move the vehicle {-off_percent:.0f} % slower than they should: a propeller is lost or "
+            "fouled, the vehicle drags something, or the frame is set wrong. Speed and current are trusted less."
+        )
+    return (
+        f"The thrusters move the vehicle {off_percent:.0f} % faster than they should: the battery voltage or the frame "
+        "is set wrong, or something tows it. Speed and current are trusted less."
+    )
 
 
 def fault_text(sensor: str, fault: Fault) -> str:

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from bluerov_slam.records import NavMode, NavState, SensorTrust
+from bluerov_slam.records import NavMode, NavState
 
 if TYPE_CHECKING:
     import numpy as np
@@ -287,7 +287,7 @@ def _sensor(sensor: NavSensor, at_s: float) -> dict[str, Any]:
         "id": sensor.name,
         "label": LABELS.get(sensor.name, sensor.name),
         "trust": sensor.trust.value,
-        "reason": sensor.reason if sensor.trust is not SensorTrust.USED else "",
+        "reason": sensor.reason,
         "accepted": sensor.accepted,
         "rejected": sensor.rejected,
         "age_s": _age(at_s, sensor.last_used_s),

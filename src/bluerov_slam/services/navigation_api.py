@@ -15,7 +15,7 @@ from bluerov_slam.services.navigation_autopilot import AutopilotParameters
 from bluerov_slam.services.navigation_service import NavigationService
 from bluerov_slam.services.navigation_track import DEFAULT_POINTS
 
-KINDS: Final = ("gyro", "accelerometer", "magnetometer", "swing")
+KINDS: Final = ("gyro", "accelerometer", "magnetometer", "thruster_field", "swing", "course_swing")
 MAX_POINTS: Final = 20_000
 _POSITION: Final = ("latitude_deg", "longitude_deg")
 _KEYS: Final[dict[str, tuple[str, ...]]] = {
@@ -67,6 +67,8 @@ class NavigationApi:
                   cross_origin=True),
             Route("GET", "/api/navigation/track", self.track, "Where it has been, thinned"),
             Route("GET", "/api/navigation/calibration", self.calibration, "Calibrations and the dive-start assistant"),
+            Route("GET", "/api/navigation/water", self.water, "Sound speed and density against depth",
+                  cross_origin=True),
             Route("POST", "/api/navigation", self.act, "Zero the depth, set the origin, calibrate", body=_BODY),
             Route("GET", "/api/navigation/autopilot", self.autopilot, "Parameters that ODOMETRY needs"),
             Route("POST", "/api/navigation/autopilot", self.set_parameters, "Set them", body=_AUTOPILOT_BODY),
@@ -82,6 +84,9 @@ class NavigationApi:
 
     async def calibration(self, _request: web.Request) -> web.Response:
         return json_response(self._navigation.calibration_json())
+
+    async def water(self, _request: web.Request) -> web.Response:
+        return json_response(self._navigation.water or {"nodes": []})
 
     async def act(self, request: web.Request) -> web.Response:
         action, arguments = action_of(await read_json_object(request))

@@ -19,6 +19,11 @@ LEGS_APART_RAD: Final = math.radians(60.0)
 SLOWEST_LEG_MPS: Final = 0.15
 ENOUGH_CURRENT_STD_MPS: Final = 0.08
 SURFACE_M: Final = 0.5
+# Steps of their own, below: the rest of the sensors is one step.
+SWINGS: Final = ("swing", "course_swing")
+THRUSTER_FIELD: Final = "thruster_field"
+# Once per vehicle, and a dive without it is only a little worse: it keeps no other step waiting.
+OPTIONAL: Final = (THRUSTER_FIELD,)
 _LONGEST_STEP_S: Final = 2.0
 
 
@@ -60,16 +65,33 @@ class DiveStartAssistant:
 
     def steps(self, state: NavState | None, calibrations: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
         """Every step; the first one that is not done is active."""
+        kinds = {str(kind["kind"]): kind for kind in calibrations}
+        sensors = [kind for name, kind in kinds.items() if name not in (*SWINGS, THRUSTER_FIELD)]
         steps = [
             self._zero_depth(state),
-            self._calibrate(list(calibrations)),
+            self._calibrate(sensors),
+            _guided(
+                THRUSTER_FIELD,
+                "Measure the thrusters' field",
+                "Once per vehicle: hold it in the water and run one thruster after the other, so that their currents "
+                "turn the compass no more",
+                kinds,
+                (THRUSTER_FIELD,),
+            ),
+            _guided(
+                "swing",
+                "Swing the compass",
+                "Away from the boat, two slow turns on the spot; or drive at one speed on all headings under GPS "
+                "(under Calibration), which also shows how the IMU is turned in the hull",
+                kinds,
+                SWINGS,
+            ),
             self._surface_run(state),
             self._set_origin(state),
         ]
-        for step in steps:
-            if step["state"] == "todo":
-                step["state"] = "active"
-                break
+        todo = [step for step in steps if step["state"] == "todo"]
+        for step in sorted(todo, key=lambda step: step["id"] in OPTIONAL)[:1]:
+            step["state"] = "active"
         return steps
 
     def _zero_depth(self, state: NavState | None) -> dict[str, Any]:
@@ -88,7 +110,7 @@ class DiveStartAssistant:
         )
         if running:
             text = f"{running[0]['kind']}: {running[0].get('instruction') or 'running'}"
-        return _step("calibrate", "Calibrate gyro, accelerometer, compass", done, text, "start_calibration")
+        return _step("calibrate", "Calibrate gyro, accelerometer, magnetometer", done, text, "show_calibration")
 
     def _surface_run(self, state: NavState | None) -> dict[str, Any]:
         legs = [leg for leg in self._legs if leg[1] >= LEG_S]
@@ -118,5 +140,25 @@ class DiveStartAssistant:
         return _step("set_origin", "Set the origin", origin is not None, text, "set_origin")
 
 
-def _step(identifier: str, title: str, done: bool, text: str, action: str | None) -> dict[str, Any]:
-    return {"id": identifier, "title": title, "state": "done" if done else "todo", "text": text, "action": action}
+def _guided(
+    identifier: str, title: str, text: str, kinds: Mapping[str, Mapping[str, Any]], ways: tuple[str, ...]
+) -> dict[str, Any]:
+    """A step that is one guided calibration, which may be made in several ways; the first is the one to begin here."""
+    known = [kinds[way] for way in ways if way in kinds]
+    running = [kind for kind in known if kind["state"] in ("running", "ready")]
+    made = next((kind for kind in known if kind["state"] == "done"), None)
+    if running:
+        text = str(running[0].get("instruction") or "Running")
+        if running[0]["state"] == "ready":
+            text += " Take the result under Calibration"
+    elif made is not None:
+        residual = made.get("residual")
+        text = "Made" if residual is None else f"Made; {residual:.2g} {made.get('unit') or ''} are left"
+    return _step(identifier, title, made is not None and not running, text, "start_calibration", ways[0])
+
+
+def _step(
+    identifier: str, title: str, done: bool, text: str, action: str | None, kind: str | None = None
+) -> dict[str, Any]:
+    state = "done" if done else "todo"
+    return {"id": identifier, "title": title, "state": state, "text": text, "action": action, "kind": kind}

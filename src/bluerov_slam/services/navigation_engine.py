@@ -13,8 +13,10 @@ from typing import Any, Final, Protocol, cast
 
 from bluerov_slam.errors import ExpectedError
 from bluerov_slam.navigation.local_frame import LocalFrame
+from bluerov_slam.navigation.seawater import WaterColumn
 from bluerov_slam.pipeline.acoustics import AcousticNavigation
 from bluerov_slam.pipeline.navigator import NavigatorAction, NavigatorCommand, NavigatorOptions, SavedNavigation
+from bluerov_slam.pipeline.navigator_water import water_json
 from bluerov_slam.protocol.navigation_json import FixOutcome
 from bluerov_slam.records import AcousticFix, AcousticMessage, Event, EventLevel, GpsFix, NavState, PositionFix, Record
 from bluerov_slam.services.navigation_messages import Ask, Done, PlacedState, Reply, Setup, Work
@@ -37,6 +39,7 @@ class NavigatorLike(Protocol):
     def expire(self, now_s: float) -> list[NavState | Event]: ...
     def save(self) -> SavedNavigation: ...
     def calibrations(self) -> list[Any]: ...
+    def water_column(self) -> WaterColumn | None: ...
 
 
 class NavigationEngine:
@@ -57,6 +60,7 @@ class NavigationEngine:
         self._told_s = -math.inf
         self._fixes: list[GpsFix | PositionFix] = []
         self._counts: dict[str, tuple[int, int]] = {}
+        self._water: WaterColumn | None = None
 
     def run(self, work: Work) -> Done:
         """Feed, act, answer."""
@@ -82,6 +86,7 @@ class NavigationEngine:
             tuple(fixes),
             tuple(replies),
             calibrations=self._calibrations_sometimes(bool(work.asks)),
+            water=self._new_water(),
             save_error=None if self._file is None else self._save_fault or self._file.error,
             acoustics=tuple(heard),
         )
@@ -178,6 +183,11 @@ class NavigationEngine:
             return ()
         self._told_s = self._now_s()
         return self.calibrations()
+
+    def _new_water(self) -> Mapping[str, Any] | None:
+        """The profile, where it was made anew."""
+        before, self._water = self._water, self._navigator.water_column()
+        return None if self._water is None or self._water is before else water_json(self._water)
 
     def _load(self, setup: Setup) -> tuple[SavedNavigation | None, float | None]:
         """What was saved, and its age; None: by the monotonic clock, which went on.

@@ -70,13 +70,17 @@ class PlacedState:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """The answer to one `Work`. `save_error`: why the last save failed; `calibrations`: as the API shows them."""
+    """The answer to one `Work`. `save_error`: why the last save failed; `calibrations`, `water`: as the API shows them.
+
+    `water` is None where it is what it was before.
+    """
 
     states: tuple[PlacedState, ...] = ()
     events: tuple[Event, ...] = ()
     fixes: tuple[FixOutcome, ...] = ()
     replies: tuple[Reply, ...] = ()
     calibrations: tuple[Mapping[str, Any], ...] = ()
+    water: Mapping[str, Any] | None = None
     statistics: Mapping[str, Any] = field(default_factory=dict)
     save_error: str | None = None
     resumed: str | None = None

@@ -39,7 +39,9 @@ KIND_LABELS: Final = {
     "gyro": "Gyro at rest",
     "accelerometer": "Accelerometer on six faces",
     "magnetometer": "Magnetometer, turned every way",
-    "swing": "Compass swing under GPS",
+    "thruster_field": "Thrusters' field, one thruster after the other",
+    "swing": "Compass swing, two turns on the spot",
+    "course_swing": "Compass swing, driving under GPS",
 }
 
 
@@ -66,6 +68,7 @@ class NavigationService:
         self.track = NavigationTrack(unix_s)
         self.assistant = DiveStartAssistant()
         self.calibrations: tuple[Mapping[str, Any], ...] = ()
+        self.water: Mapping[str, Any] | None = None
         self.process = NavigationProcess(hub, setup, self._take, on_change, now_s)
         self._hub = hub
         self._broadcaster = broadcaster
@@ -211,6 +214,8 @@ class NavigationService:
             self._hub.publish(Event(self._now_s(), EventLevel.INFO, f"navigation: {done.resumed}"))
         if done.calibrations:
             self.calibrations = done.calibrations
+        if done.water is not None:
+            self.water = done.water
         self._take_save_error(done.save_error)
         for fix in done.fixes:
             self._fix = fix

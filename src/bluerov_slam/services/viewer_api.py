@@ -20,6 +20,7 @@ from bluerov_slam.services.contacts import ContactBook
 from bluerov_slam.services.http import Route, ServicePage, error_response, json_response, read_json_object
 from bluerov_slam.services.viewer_channel import ViewerChannel
 from bluerov_slam.services.viewer_outlets import ViewerOutlets
+from bluerov_slam.services.viewer_track import track_json
 
 PAGE = ServicePage(
     name="BlueROV SLAM Sonar Viewer",
@@ -97,6 +98,7 @@ class ViewerApi:
         self._contacts = contacts
         self._history = outlets.history
         self._pings = outlets.pings
+        self._track = outlets.track
         self._status = status
 
     def routes(self) -> list[Route]:
@@ -110,6 +112,7 @@ class ViewerApi:
             Route("POST", "/api/sonar/{channel}/action", self.act, "Save to flash, restart, stop or re-read",
                   body=_ACTION_SCHEMA),
             Route("GET", "/api/history", self.history, "Binary pings of this dive, each after its u32 length"),
+            Route("GET", "/api/track", self.track, "Where the vehicle was during the pings of /api/history"),
             Route("GET", "/api/contacts", self.list_contacts, "Named contacts"),
             Route("POST", "/api/contacts", self.add_contact, "A new contact", body=_CONTACT_SCHEMA),
             Route("PATCH", "/api/contacts/{id}", self.change_contact, "Change a contact", body=_CONTACT_SCHEMA),
@@ -153,6 +156,10 @@ class ViewerApi:
         body = b"".join(part for ping in pings for part in (_LENGTH.pack(len(ping)), ping))
         headers = {"X-First-Ping": str(first), "X-Last-Ping": str(last)}
         return web.Response(body=body, content_type="application/octet-stream", headers=headers)
+
+    async def track(self, _request: web.Request) -> web.Response:
+        body = await asyncio.to_thread(track_json, self._track.states())
+        return web.Response(body=body, content_type="application/json")
 
     async def list_contacts(self, _request: web.Request) -> web.Response:
         return self._contacts_response()

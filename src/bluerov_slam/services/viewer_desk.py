@@ -155,6 +155,7 @@ class ViewerDesk:
 
     def _take_vehicle(self) -> None:
         self._take_sound_speed()
+        self._outlets.track.add(self._outlets.newest_ping_s, self._facts.vehicle)
         self._outlets.tell("vehicle", lambda: self._facts.vehicle)
 
     def _take_sound_speed(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import orjson
 
 from bluerov_slam.protocol.waterfall_frame import pack_ping, seed_json
 from bluerov_slam.records import Channel, Ping
+from bluerov_slam.services.viewer_track import VehicleTrack
 from bluerov_slam.sinks.ping_history import PingHistory
 from bluerov_slam.sinks.websocket import Broadcaster
 
@@ -23,6 +25,8 @@ class ViewerOutlets:
         self.history = history
         self.pings = Broadcaster(TOPICS, greeting=lambda: [(t, _message(t, data)) for t, data in greeting().items()])
         self.waterfall = Broadcaster(("ping",))
+        self.track = VehicleTrack()
+        self.newest_ping_s = math.nan
         self.simulated = False
         self._block_full = asyncio.Event()
 
@@ -33,6 +37,7 @@ class ViewerOutlets:
 
     def show(self, ping: Ping, time_unix_s: float) -> None:
         """Send one ping to everybody who wants it, and keep it."""
+        self.newest_ping_s = ping.measured_s
         packed = pack_ping(ping, time_unix_s, simulated=self.simulated)
         self.pings.publish_binary(ping.channel.value, packed)
         # The seed's JSON knows no sub-channels.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -126,12 +127,12 @@ class SimulatedScene(FlownScene):
         self.build_seabed()
 
 
-class DifferencedMotion:
+class DifferencedMotion(ABC):
     """Motion of a scene that knows states only: by differences over a tenth of a second."""
 
+    @abstractmethod
     def state(self, mission_s: float) -> VehicleState:
         """Where the vehicle is."""
-        raise NotImplementedError
 
     def motion(self, times_s: FloatArray) -> Motion:
         """As a `Scene`."""

@@ -63,6 +63,7 @@ def draw(run: NavigationRun) -> dict[str, str]:
         "depth": _depth,
         "velocity": _velocity,
         "attitude": _attitude,
+        "water": _water,
         "innovations": _innovations,
         "nis": _nis,
         "trust": _trust,
@@ -239,13 +240,35 @@ def _attitude(run: NavigationRun) -> Figure | None:
     return figure
 
 
+def _water(run: NavigationRun) -> Figure | None:
+    column = run.water
+    if column is None:
+        return None
+    figure = Figure(figsize=(9.0, 4.2))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axes, value, std, label in (
+        (left, column.sound_speed_mps, column.sound_speed_std_mps, "sound speed (m/s)"),
+        (right, column.density_kg_per_m3, column.density_std_kg_per_m3, "density (kg/m3)"),
+    ):
+        axes.fill_betweenx(
+            column.depth_m, value - _TWO_SIGMA * std, value + _TWO_SIGMA * std, color=_BAND, linewidth=0,
+            label="95 % band",
+        )  # fmt: skip
+        axes.plot(value, column.depth_m, color=_BEST, linewidth=1.0, marker="." if len(value) < 40 else "")
+        axes.ticklabel_format(useOffset=False)
+        axes.set(xlabel=label)
+    left.invert_yaxis()
+    left.set(ylabel="depth (m)")
+    left.legend(loc="best")
+    return figure
+
+
 def _innovations(run: NavigationRun) -> Figure | None:
     shown = _tested(run)
     if not shown:
         return None
-    figure = Figure(figsize=(9.0, 1.45 * len(shown) + 0.5))
-    for place, (name, updates) in enumerate(shown):
-        axes = figure.add_subplot(len(shown), 1, place + 1)
+    figure, stack = _stacked([name for name, _ in shown], run)
+    for axes, (name, updates) in zip(stack, shown, strict=True):
         ratio = updates.residual / updates.sigma
         minutes = (updates.at_s - run.start_s) / 60.0
         axes.axhspan(-_TWO_SIGMA, _TWO_SIGMA, color=_BAND, alpha=0.6, linewidth=0)
@@ -260,13 +283,8 @@ def _innovations(run: NavigationRun) -> Figure | None:
             axes.plot(minutes[used][::step], values[used][::step], ".", color=color, markersize=2, label=label)
             axes.plot(minutes[refused], np.clip(values[refused], -6.0, 6.0), "x", color=_WARN, markersize=3.5)
         axes.set_ylim(-6.2, 6.2)
-        axes.set_ylabel(LABELS.get(name, name))
-        axes.set_xlim(0.0, _length_min(run))
-        if place < len(shown) - 1:
-            axes.tick_params(labelbottom=False)
         if np.isfinite(ratio[:, 1]).any():
             axes.legend(loc="upper right", ncols=3, markerscale=3)
-    axes.set_xlabel("minutes since the start")
     return figure
 
 
@@ -274,9 +292,8 @@ def _nis(run: NavigationRun) -> Figure | None:
     shown = _tested(run)
     if not shown:
         return None
-    figure = Figure(figsize=(9.0, 1.45 * len(shown) + 0.5))
-    for place, (name, updates) in enumerate(shown):
-        axes = figure.add_subplot(len(shown), 1, place + 1)
+    figure, stack = _stacked([name for name, _ in shown], run)
+    for axes, (_, updates) in zip(stack, shown, strict=True):
         at_min, mean, low, high = nis_windows(updates, run.start_s)
         axes.axhspan(low, high, color="#dafbe1", linewidth=0)
         axes.axhline(1.0, color="#57606a", linewidth=0.6)
@@ -292,11 +309,6 @@ def _nis(run: NavigationRun) -> Figure | None:
         axes.set_ylim(0.8 * _LEAST_NIS, 1.25 * _MOST_NIS)
         axes.set_yticks([0.01, 0.1, 1.0, 10.0], labels=["0.01", "0.1", "1", "10"])
         axes.minorticks_off()
-        axes.set_ylabel(LABELS.get(name, name))
-        axes.set_xlim(0.0, _length_min(run))
-        if place < len(shown) - 1:
-            axes.tick_params(labelbottom=False)
-    axes.set_xlabel("minutes since the start")
     return figure
 
 
@@ -346,6 +358,18 @@ def _tested(run: NavigationRun) -> list[tuple[str, SensorUpdates]]:
         if name in order and np.count_nonzero(each.accepted) >= NIS_FEW
     ]
     return sorted(tested, key=lambda item: order[item[0]])
+
+
+def _stacked(names: list[str], run: NavigationRun) -> tuple[Figure, list[Any]]:
+    """A plot over time for each sensor, one above the other."""
+    figure = Figure(figsize=(9.0, 1.45 * len(names) + 0.5))
+    stack = [figure.add_subplot(len(names), 1, place + 1) for place in range(len(names))]
+    for axes, name in zip(stack, names, strict=True):
+        axes.set_ylabel(LABELS.get(name, name))
+        axes.set_xlim(0.0, _length_min(run))
+        axes.tick_params(labelbottom=axes is stack[-1])
+    stack[-1].set_xlabel("minutes since the start")
+    return figure, stack
 
 
 def _time_figure(height: float) -> tuple[Figure, Any]:

@@ -17,7 +17,7 @@ from bluerov_slam.sources.recording_reader import UNKNOWN_CLOCK, Recording, open
 from bluerov_slam.survey.navigation_report import duration_words, in_short, report_html
 from bluerov_slam.survey.navigation_run import NavigationRun, run_navigation
 from bluerov_slam.survey.navigation_summary import summarize
-from bluerov_slam.survey.track_files import write_csv, write_geojson, write_gpx
+from bluerov_slam.survey.track_files import write_csv, write_geojson, write_gpx, write_water_csv
 
 # States between two flushes of the MCAP file.
 _CHUNK_STATES = 500
@@ -84,6 +84,9 @@ def _make(
         description = " ".join([*(["Simulated."] if summary["simulated"] else []), *in_short(summary)])
         write_gpx(folder / "track.gpx", run.track, recording.path.name, description, recording.utc_offset_s)
         files += ["track.geojson", "track.gpx"]
+    if summary["water"] is not None:
+        write_water_csv(folder / "water.csv", summary["water"]["nodes"])
+        files.append("water.csv")
     summary["files"] = sorted(files)
     (folder / "report.html").write_text(report_html(run, summary, plots, options), encoding="utf-8")
     data = orjson.dumps(summary, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)

@@ -52,6 +52,7 @@ def report_html(
             "speed: it was inferred.",
         ),
         figure_html(plots, "attitude", "Heading, roll and pitch", "True heading, clockwise from north."),
+        _section_water(summary, plots),
         _section_sensors(run, summary, plots),
         _section_events(summary),
         _section_settings(summary, options),
@@ -172,6 +173,21 @@ def _section_track(run: NavigationRun, summary: dict[str, Any], plots: dict[str,
         plots or None, "error", "", "The long half-axis of the 95 % ellipse over time. Ticks at the bottom are fixes."
     )
     return figure_html(plots or None, "track", "Track", f"{caption} {place}") + error + table
+
+
+def _section_water(summary: dict[str, Any], plots: dict[str, str] | None) -> str:
+    water = summary["water"]
+    if water is None:
+        return ""
+    text = (
+        f"By the vehicle's own CTD, from {_metres(water['shallowest_m'])} to {_metres(water['deepest_m'])}; from "
+        "descents where there were any. Depth was reckoned with this density."
+    )
+    mean, std = water["mean_sound_speed_mps"], water["mean_sound_speed_std_mps"]
+    if mean is not None:
+        text += f" Mean sound speed {mean:.1f} m/s, within {2.0 * std:.1f} m/s with 95 % probability (harmonic mean)."
+    caption = "The band is what the sensors may be off by, all along alike. The figures are in water.csv."
+    return f"<h2>Water</h2><p>{escape(text)}</p>" + figure_html(plots, "water", "", caption)
 
 
 def _section_sensors(run: NavigationRun, summary: dict[str, Any], plots: dict[str, str] | None) -> str:

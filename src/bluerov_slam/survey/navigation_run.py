@@ -21,6 +21,7 @@ from bluerov_slam.survey.navigation_track import NavTrack, TrackBuilder
 
 if TYPE_CHECKING:
     from bluerov_slam.navigation.ekf import UpdateResult
+    from bluerov_slam.navigation.seawater import WaterColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ class NavigationRun:
     start_s: float
     end_s: float
     states: int = 0
+    water: WaterColumn | None = None
     problems: list[str] = field(default_factory=list)
 
     @property
@@ -114,6 +116,7 @@ def run_navigation(
                 collector.take(result)
         collector.after(record)
     run = collector.run(list(dict.fromkeys(recording.problems)))
+    run.water = navigator.whole_water_column()
     if smooth:
         run.smoothed = _smoothed(navigator.smoothed(), run.filtered, keep)
     return run

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bluerov_slam import __version__
 from bluerov_slam.navigation.chi_square import chi_square_quantile
 from bluerov_slam.pipeline.navigator import NavigatorOptions
+from bluerov_slam.pipeline.navigator_water import water_json
 from bluerov_slam.protocol.navigation_json import LABELS
 from bluerov_slam.records import NavMode, SensorTrust
 from bluerov_slam.sources.recording_reader import Recording
@@ -64,6 +65,7 @@ def summarize(run: NavigationRun, recording: Recording, options: NavigatorOption
         },
         "end": _end(track),
         "fixes": _fixes(run),
+        "water": None if run.water is None else water_json(run.water),
         "sensors": [sensor_summary(run, sensor.name) for sensor in run.sensors],
         "events": [
             {"at_s": round(event.at_s - run.start_s, 2), "level": event.level.value, "text": event.text}

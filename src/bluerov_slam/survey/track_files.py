@@ -66,6 +66,14 @@ def write_csv(path: Path, track: NavTrack, start_s: float, utc_offset_s: float |
             writer.writerow((*head, *cells, int(track["reset_counter"][row])))
 
 
+def write_water_csv(path: Path, nodes: list[dict[str, Any]]) -> None:
+    """The water column, a row for each node of `water_json`."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(nodes[0]))
+        writer.writeheader()
+        writer.writerows(nodes)
+
+
 def write_geojson(path: Path, track: NavTrack, fixes: list[Fix], start_s: float, utc_offset_s: float | None) -> None:
     """A line for each stretch of one mode, the 95 % ellipse every half minute, the fixes."""
     features = [*_lines(track, start_s, utc_offset_s), *_ellipses(track, start_s), *_fix_points(fixes, start_s)]

@@ -144,3 +144,16 @@ def test_every_layout_shows_pings(system: RunningSystem, open_page: OpenPage, la
     assert len(set(shown)) > 20
     expected = {"2": ["A", "B"], "3": ["B"], "4": ["A"]}[layout]
     assert page.evaluate("viewer.waterfall.panes.map((pane) => pane.channel)") == expected
+
+
+def test_pings_of_before_the_page_was_opened_have_places(system: RunningSystem, open_page: OpenPage) -> None:
+    first = open_page(system.viewer)
+    live(first)
+    until(first, "viewer.track.states.length >= 6")
+    oldest = first.evaluate("viewer.track.states[0].timeS")
+    late = open_page(system.viewer)
+    live(late)
+    until(late, f"viewer.track.states.length >= 6 && viewer.track.states[0].timeS <= {oldest} + 1")
+    times = late.evaluate("viewer.track.states.map((state) => state.timeS)")
+    assert times == sorted(times)
+    assert late.evaluate("viewer.track.states[1].depth_m") is not None

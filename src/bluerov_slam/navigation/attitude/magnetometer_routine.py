@@ -20,15 +20,13 @@ from bluerov_slam.navigation.attitude.calibration import (
     matrix,
     vector,
 )
-from bluerov_slam.navigation.attitude.routine import InertialSample, RoutineState
+from bluerov_slam.navigation.attitude.routine import InertialSample, JudgedRoutine, RoutineState
 
 # The sphere of directions in 54 cells: the six faces of a cube, three by three each.
 CELLS = 54
 CELLS_WANTED = 30
 _SAMPLES_PER_CELL = 20
 _MOST_SAMPLES = 6000
-_EVALUATE_EVERY = 100
-_LEAST_SAMPLES = 100
 # One sigma of the offset in its worst direction, in units of the field: 2 % are 1 to 3 degrees of heading by the dip.
 _LARGEST_OFFSET_STD = 0.02
 _SMALLEST_NOISE = 0.01
@@ -41,27 +39,21 @@ _PRIOR = np.diag([0.0, 0.0, 0.0] + [1.0 / std**2 for std in (0.15, 0.08, 0.08, 0
 _AXES = ("nose", "starboard side", "underside")
 
 
-class MagnetometerRoutine:
-    """Collects readings evenly over all directions, so that no attitude held for long outweighs the others."""
+class MagnetometerRoutine(JudgedRoutine):
+    """Collects readings evenly over all directions, so that no attitude held for long outweighs the others.
+
+    Progress is the lesser of the share of directions seen and of how well the offset is known.
+    """
 
     kind = "magnetometer"
+    LEAST_SAMPLES = 100
+    JUDGED_EVERY = 100
 
     def __init__(self) -> None:
+        super().__init__()
         self._samples: list[tuple[float, float, float]] = []
-        self._progress = 0.0
         self._worst_axis: int | None = None
-        self._since = 0
         self._repeated = 0
-
-    @property
-    def state(self) -> RoutineState:
-        """READY when enough directions were seen."""
-        return RoutineState.READY if self._progress >= 1.0 else RoutineState.RUNNING
-
-    @property
-    def progress(self) -> float:
-        """The lesser of the share of directions seen and of how well the offset is known."""
-        return self._progress
 
     @property
     def instruction(self) -> str:
@@ -86,14 +78,12 @@ class MagnetometerRoutine:
             return
         self._repeated = 0
         self._samples.append(reading)
-        self._since += 1
-        if len(self._samples) >= _LEAST_SAMPLES and self._since >= max(_EVALUATE_EVERY, len(self._samples) // 8):
-            self._since = 0
+        if self._is_due(len(self._samples)):
             self._evaluate()
 
     def finish(self, made_unix_s: float | None = None) -> MagnetometerCalibration:
         """Offset and matrix. Raises CalibrationError where directions are missing or no ellipsoid fits."""
-        if len(self._samples) < _LEAST_SAMPLES:
+        if len(self._samples) < self.LEAST_SAMPLES:
             raise CalibrationError(f"only {len(self._samples)} readings: turn the vehicle about all its axes")
         readings = np.array(self._samples)
         radius = float(np.ptp(readings, axis=0).max()) / 2.0

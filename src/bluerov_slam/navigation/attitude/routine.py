@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,35 @@ class InertialRoutine(Routine, Protocol):
     ) -> GyroCalibration | AccelerometerCalibration | MagnetometerCalibration:
         """The result, dated. Raises CalibrationError."""
         ...
+
+
+class JudgedRoutine:
+    """Progress that is worked out from all samples, now and then, because at each one it would cost too much."""
+
+    LEAST_SAMPLES: ClassVar[int]
+    JUDGED_EVERY: ClassVar[int]
+
+    def __init__(self) -> None:
+        self._progress = 0.0
+        self._since = 0
+
+    @property
+    def state(self) -> RoutineState:
+        """READY when enough is known."""
+        return RoutineState.READY if self._progress >= 1.0 else RoutineState.RUNNING
+
+    @property
+    def progress(self) -> float:
+        """How near the result is to being good enough, 0..1."""
+        return self._progress
+
+    def _is_due(self, samples: int) -> bool:
+        """Whether to judge anew, now that one more sample makes so many: the more there are, the more rarely."""
+        self._since += 1
+        if samples < self.LEAST_SAMPLES or self._since < max(self.JUDGED_EVERY, samples // 8):
+            return False
+        self._since = 0
+        return True
 
 
 class Window(NamedTuple):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bluerov_slam.navigation.attitude import least_squares
 from bluerov_slam.navigation.attitude.calibration import CalibrationError, CompassCalibration, Provenance, vector
-from bluerov_slam.navigation.attitude.routine import RoutineState
+from bluerov_slam.navigation.attitude.routine import JudgedRoutine, RoutineState
 
 _TURN_RAD = 2.0 * math.pi
 _TURNS = 2.0
@@ -125,29 +125,22 @@ class TurnSwingRoutine:
         self._trouble = trouble
 
 
-class CourseSwingRoutine:
-    """Driving at one speed on many headings, against the velocity over ground; it may go on during a survey."""
+class CourseSwingRoutine(JudgedRoutine):
+    """Driving at one speed on many headings, against the velocity over ground; it may go on during a survey.
 
-    kind = "swing"
+    Ready when A, B and C are known to 2.5 degrees, by the geometry of the headings driven.
+    """
+
+    kind = "course_swing"
+    LEAST_SAMPLES = 60
+    JUDGED_EVERY = 20
     _WANTED_STD_RAD = math.radians(2.5)
-    _LEAST_SAMPLES = 60
     _SLOWEST_MPS = 0.2
 
     def __init__(self, velocity_std_mps: float = 0.15) -> None:
+        super().__init__()
         self._velocity_std_mps = velocity_std_mps
         self._samples: list[tuple[float, float, float, float]] = []
-        self._progress = 0.0
-        self._since = 0
-
-    @property
-    def state(self) -> RoutineState:
-        """READY when A, B and C are known to 2.5 degrees."""
-        return RoutineState.READY if self._progress >= 1.0 else RoutineState.RUNNING
-
-    @property
-    def progress(self) -> float:
-        """How well they are known by now, by the geometry of the headings driven."""
-        return self._progress
 
     @property
     def instruction(self) -> str:
@@ -180,16 +173,14 @@ class CourseSwingRoutine:
         self._samples.append((compass_rad, north, east, water_speed_mps))
         if len(self._samples) > _MOST_SAMPLES:
             self._samples = self._samples[::2]
-        self._since += 1
-        if len(self._samples) >= self._LEAST_SAMPLES and self._since >= max(20, len(self._samples) // 8):
-            self._since = 0
+        if self._is_due(len(self._samples)):
             solution, prior = self._solve()
             std = _std(solution, self._velocity_std_mps, self._independent(), prior)[:3]
             self._progress = min(1.0, self._WANTED_STD_RAD / float(std.max()))
 
     def finish(self, made_unix_s: float | None = None) -> CompassCalibration:
         """A, B and C. Raises CalibrationError where the headings do not suffice or nothing fits."""
-        if len(self._samples) < self._LEAST_SAMPLES:
+        if len(self._samples) < self.LEAST_SAMPLES:
             raise CalibrationError(f"only {len(self._samples)} GPS fixes with speed: drive on")
         solution, prior = self._solve()
         residual_mps = _rms(solution.residuals)

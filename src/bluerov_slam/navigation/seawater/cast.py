@@ -63,12 +63,17 @@ class CtdCast:
             del self._rows[1::2]
         return True
 
-    def add_ctd(self, sample: CtdSample) -> bool:
-        """Take a record; False when it is incomplete."""
+    def add_ctd(self, sample: CtdSample, surface_pressure_pa: float | None = None) -> bool:
+        """Take a record; False when it is incomplete. `surface_pressure_pa`: a better one than the record's."""
         if sample.pressure_pa is None or sample.temperature_degc is None or sample.salinity_psu is None:
             return False
-        sea_pressure_pa = sample.pressure_pa - sample.surface_pressure_pa
+        surface_pa = sample.surface_pressure_pa if surface_pressure_pa is None else surface_pressure_pa
+        sea_pressure_pa = sample.pressure_pa - surface_pa
         return self.add(sample.measured_s, sea_pressure_pa, sample.temperature_degc, sample.salinity_psu)
+
+    def rezero(self, sea_pressure_change_pa: float) -> None:
+        """The surface pressure was found anew: all samples lie deeper by so much."""
+        self._rows = [(at_s, pa + sea_pressure_change_pa, *water) for at_s, pa, *water in self._rows]  # type: ignore[misc]
 
     def column(self, latitude_deg: float) -> WaterColumn | None:
         """The column so far; None while no bin has samples enough.
@@ -154,7 +159,8 @@ def _spikes(values: Array, harmless: float) -> NDArray[np.bool_]:
         return np.zeros(len(values), dtype=np.bool_)
     padded = np.pad(values, half, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, _SPIKE_WINDOW)
-    middle = np.median(windows, axis=1)
-    scatter = _STD_PER_MAD * np.median(np.abs(windows - middle[:, None]), axis=1)
+    # The median of seven; `np.median` takes 25 times as long for so small windows.
+    middle = np.partition(windows, half, axis=1)[:, half]
+    scatter = _STD_PER_MAD * np.partition(np.abs(windows - middle[:, None]), half, axis=1)[:, half]
     far: NDArray[np.bool_] = np.abs(values - middle) > np.maximum(_SPIKE_MADS * scatter, harmless)
     return far
