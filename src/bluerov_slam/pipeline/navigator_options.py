@@ -1,10 +1,10 @@
 """Every figure of the navigator that the vehicle itself does not measure.
 
-The defaults are what somebody knows who has read datasheets and the literature; none is a figure of the simulator. Where
-that leaves a range, tuning dives (seeds 0 to 99) had a say: in the IMU's noises, walks and latency, the compass's
-period and the thrust scale's walk. Sources in short: [HWT905], [MS5837] the makers' registers and claims; [logs] measured on autopilot logs of BlueROV2; [survey] the
-literature on vehicles without DVL; [choice] a decision of ours. White noises are per root hertz, random walks per root
-second.
+The defaults are what somebody knows who has read datasheets and the literature; none is a figure of the simulator.
+Where that leaves a range, tuning dives (seeds 0 to 99) had a say: in the IMU's noises, walks and latency, the compass's
+period and the thrust scale's walk. Sources in short: [HWT905], [MS5837] the makers' registers and claims; [logs]
+measured on autopilot logs of BlueROV2; [survey] the literature on vehicles without DVL; [choice] a decision of ours.
+White noises are per root hertz, random walks per root second.
 """
 
 from __future__ import annotations
