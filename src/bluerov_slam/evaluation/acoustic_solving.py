@@ -136,7 +136,8 @@ def run_bench(job: AcousticJob, material: Mapping[str, bytes]) -> Errors:
             continue
         place, delays = calibrated.solve(records.samples[index], depths[index], hold.yaw_rad)
         new.append(place - bench.world_m[index, 1:])
-        slips.append(bool(np.abs(delays - records.delays_s[index]).max() > SLIP_S))
+        # A fix that the chain itself withholds is no error: it is counted as missing.
+        slips.append(bool(np.isfinite(place).all() and np.abs(delays - records.delays_s[index]).max() > SLIP_S))
         published = bench.published(index, float(depths[index]), float(compass[index]))
         thesis.append(published - bench.world_m[index, 1:])
     return Errors({"new": np.array(new), "thesis": np.array(thesis), "slips": np.array(slips)})
@@ -188,7 +189,7 @@ class _Calibrated:
     rate_hz: float
 
     def solve(self, samples: Array, depth_m: float, yaw_rad: float) -> tuple[Array, Array]:
-        """Y and z (2,) in the bench's frame, and the delays; straight ahead where there is no fix."""
+        """Y and z (2,) in the bench's frame, NaN where there is no fix, and the delays."""
         found = estimate_delays(samples, self.rate_hz, self.array, self.sound_mps, responses=self.responses)
         delays = _all_delays(found, len(self.array)) - self.offsets_s
         turn = rotation_from_euler(0.0, 0.0, yaw_rad)
@@ -200,7 +201,7 @@ class _Calibrated:
             depth=(depth_m, DEPTH_STD_M),
             down=turn.T @ np.array((1.0, 0.0, 0.0)),
         )
-        place = np.zeros(2) if solution.position_m is None else (turn @ solution.position_m)[1:]
+        place = np.full(2, np.nan) if solution.position_m is None else (turn @ solution.position_m)[1:]
         return place, delays
 
 
@@ -227,8 +228,10 @@ def bench_rows(cells: Mapping[str, Sequence[Errors]]) -> list[Row]:
         )
         slips = np.concatenate([each.by_name["slips"] for each in outcomes]).astype(bool)
         name = f"{cell}: thesis's set-up end to end"
+        missing = ~np.isfinite(new)
         made += [
-            rms_row(place, f"{name}, our chain, RMS", new, "mm", _END_MUST_MM[cell]),
+            rms_row(place, f"{name}, our chain, RMS", new[~missing], "mm", _END_MUST_MM[cell]),
+            share_row(f"{place}.missing", f"{name}, our chain, pulses without a fix", missing, 1.0),
             share_row(f"{place}.slips", f"{name}, our chain, fixes with a slip", slips),
             rms_row(f"{place}.thesis", f"{name}, thesis's chain, RMS", thesis, "mm"),
         ]
