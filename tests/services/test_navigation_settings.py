@@ -18,12 +18,12 @@ def test_the_defaults_of_the_settings_are_the_navigators_own():
 
 def test_each_setting_reaches_the_navigator():
     made = options(
-        imu_mounting_rpy_deg=(180.0, 0.0, 90.0), imu_latency_ms=12.0, gps_lever_arm_frd_m=(0.1, 0.2, -0.3),
+        imu_mounting_rpy_deg=(180.0, 0.0, 90.0), imu_latency_ms=15.0, gps_lever_arm_frd_m=(0.1, 0.2, -0.3),
         gps_latency_ms=250.0, dvl_lever_arm_frd_m=(0.0, 0.0, 0.2), position_lever_arm_frd_m=(-0.1, 0.0, 0.0),
         position_latency_ms=1500.0, origin="54.5, -10.25", thruster_frame="heavy",
     )  # fmt: skip
     assert made.imu.mounting_rpy_deg == (180.0, 0.0, 90.0)
-    assert made.imu.latency_s == pytest.approx(0.012)
+    assert made.imu.latency_s == pytest.approx(0.015)
     assert (made.gps.lever_arm_frd_m, made.gps.latency_s) == ((0.1, 0.2, -0.3), 0.25)
     assert made.dvl.lever_arm_frd_m == (0.0, 0.0, 0.2)
     assert (made.fix.lever_arm_frd_m, made.fix.latency_s) == ((-0.1, 0.0, 0.0), 1.5)

@@ -219,7 +219,7 @@ class NavigationSettings(Group):
         unit="deg", live=True,
     )  # fmt: skip
     imu_latency_ms: float = setting(
-        0.0, "age of an IMU sample when the ESP32 stamps it", unit="ms", live=True, ge=0.0, le=500.0
+        12.0, "age of an IMU sample when the ESP32 stamps it", unit="ms", live=True, ge=0.0, le=500.0
     )
     gps_lever_arm_frd_m: Vector3 = setting(
         (0.0, 0.0, -0.15), "GPS antenna from the IMU: forward, right, down", unit="m", live=True
