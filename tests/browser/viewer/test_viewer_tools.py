@@ -100,7 +100,7 @@ def cursor_on_known_vehicle(page: Page) -> tuple[float, float]:
     live(page)
     until(page, "viewer.track.states.length > 4")
     settled(page)
-    known = "viewer.overlay.locate({channel: 'A', rangeM: 10, timeS: viewer.track.states[3].timeS})"
+    known = "viewer.overlay.locate({channel: 'A', rangeM: 10, timeS: viewer.track.states.at(-3).timeS})"
     until(page, f"{known} !== null")
     place, box = page.evaluate(known), page.locator("#stage").bounding_box()
     assert box
