@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -95,12 +97,23 @@ def test_the_cursor_reads_range_time_and_amplitude(system: RunningSystem, open_p
     expect(page.locator("#readout-amplitude")).to_have_text(re.compile(r"^(\d+ \(\d+ %\)|missing|lost|-)$"))
 
 
+def only_told(**vehicle: Any) -> Callable[[Page], None]:
+    """The vehicle as stated, and no history of it from before the page was opened, which has the real one."""
+    prepared = with_vehicle(**vehicle)
+
+    def prepare(page: Page) -> None:
+        page.route("**/api/track*", lambda route: route.fulfill(json={"columns": [], "states": []}))
+        prepared(page)
+
+    return prepare
+
+
 def cursor_on_known_vehicle(page: Page) -> tuple[float, float]:
     """The mouse on starboard, at a time at which this page was told about the vehicle."""
     live(page)
     until(page, "viewer.track.states.length > 4")
     settled(page)
-    known = "viewer.overlay.locate({channel: 'A', rangeM: 10, timeS: viewer.track.states.at(-3).timeS})"
+    known = "viewer.overlay.locate({channel: 'A', rangeM: 10, timeS: viewer.track.states[3].timeS})"
     until(page, f"{known} !== null")
     place, box = page.evaluate(known), page.locator("#stage").bounding_box()
     assert box
@@ -116,7 +129,7 @@ def test_the_position_under_the_cursor_is_the_estimates_with_its_uncertainty(
         "latitude_deg": 47.6, "longitude_deg": -2.7, "within_m": 3.0, "heading_deg": 0.0, "heading_std_deg": 0.0,
         "altitude_m": None,
     }  # fmt: skip
-    page = open_page(system.viewer, prepare=with_vehicle(latitude_deg=None, longitude_deg=None, estimate=estimate))
+    page = open_page(system.viewer, prepare=only_told(latitude_deg=None, longitude_deg=None, estimate=estimate))
     at = cursor_on_known_vehicle(page)
     position = page.locator("#readout-position")
     # Heading north: the echo to starboard lies due east. No height above the bottom is known, and that is said.
@@ -132,7 +145,7 @@ def test_the_position_under_the_cursor_is_the_estimates_with_its_uncertainty(
 
 
 def test_without_estimate_and_gps_the_position_is_a_dash(system: RunningSystem, open_page: OpenPage) -> None:
-    page = open_page(system.viewer, prepare=with_vehicle(latitude_deg=None, longitude_deg=None, estimate=None))
+    page = open_page(system.viewer, prepare=only_told(latitude_deg=None, longitude_deg=None, estimate=None))
     cursor_on_known_vehicle(page)
     expect(page.locator("#readout-range")).not_to_have_text("-")
     expect(page.locator("#readout-position")).to_have_text("-")
