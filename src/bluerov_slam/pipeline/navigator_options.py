@@ -22,10 +22,10 @@ Vector = tuple[float, float, float]
 class ImuOptions:
     """Inertial sensors, and how the vehicle may move while there are none."""
 
-    # [survey] 0.005 to 0.01 deg/s and 0.0015 to 0.004 m/s2 per root hertz for a sensor of this class, the wire's steps
-    # 0.004 deg/s; [logs] of an autopilot 0.011 to 0.024 and 0.006 to 0.009, vibration included.
-    gyro_noise_radps: float = math.radians(0.012)
-    accelerometer_noise_mps2: float = 0.005
+    # [survey] 0.005 to 0.01 deg/s and 0.0015 to 0.004 m/s2 per root hertz for a sensor of this class: its upper ends,
+    # for the wire's steps and vibration come on top ([logs] of an autopilot, all included: 0.011 and 0.006 at least).
+    gyro_noise_radps: float = math.radians(0.010)
+    accelerometer_noise_mps2: float = 0.004
     # [survey] turn-on bias 0.1 to 1 deg/s before a calibration; instability 5 to 25 deg/h, here 12 within 4 minutes.
     gyro_bias_std_radps: float = math.radians(0.3)
     gyro_bias_walk_radps: float = 4e-6
@@ -34,9 +34,9 @@ class ImuOptions:
     gyro_scale_std: float = 0.012
     # [choice] and of axes that are not square, 0.5 % of consumer sensors: half a turn may tilt the estimate by 0.9 deg.
     gyro_cross_axis_std: float = 0.005
-    # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug. [choice] 1 mg a degree of temperature.
+    # [survey] 2 to 10 mg after a six-face calibration; instability 30 to 100 ug, here 100 within a minute and a half.
     accelerometer_bias_std_mps2: float = 0.05
-    accelerometer_bias_walk_mps2: float = 5e-4
+    accelerometer_bias_walk_mps2: float = 1e-4
     # [HWT905] claims 0.1 deg at its best. Errors that are no states, such as its axes in its case, are always added to
     # the stated error of roll and pitch.
     tilt_least_std_rad: float = math.radians(0.1)

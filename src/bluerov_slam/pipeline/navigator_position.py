@@ -42,9 +42,9 @@ AGREE_WITHIN_M, AGREE_SPEED_MPS, AGREE_MOST_M, AGREE_GAP_S = 3.0, 2.0, 10.0, 30.
 TURNED_WITHIN_M = 12.0
 TURNED_VELOCITY_STD_MPS = 0.5
 MOVED_AT_LEAST = 3
-# The slow error follows the learned scale in steps, and its speed never goes below a fifth.
+# The slow error follows the learned scale in steps, and its speed never goes below a tenth.
 WANDER_STEP = 0.1
-LEAST_WANDER = 0.2
+LEAST_WANDER = 0.1
 # What a source states is followed in steps, too.
 RESTATED = 0.02
 LABELS = {"gps": "GPS", "position": "position fixes"}

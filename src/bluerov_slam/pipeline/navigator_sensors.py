@@ -24,13 +24,14 @@ SHOWN_S = 3.0
 NIS_WINDOW = 100
 # White noise differs from one installation to the next (vibration, waves, the sensor's copy). It is learned from the
 # innovations: the standard deviation of a sensor is multiplied by what brings its mean NIS to one, within limits. Slow
-# errors are states of their own and not meant; the lower limits keep them from being taken for precision.
+# errors are states of their own and not meant; the lower limits keep them from being taken for precision. An acoustic
+# fix's stated error is that of the place, 1 to 20 m, its jitter is centimetres: the widest range.
 NOISE_LIMITS = {
     "compass": (0.1, 4.0),
     "depth": (0.05, 5.0),
     "gps": (0.5, 3.0),
     "gps_velocity": (0.5, 4.0),
-    "position": (0.1, 4.0),
+    "position": (0.05, 4.0),
     "thrust": (0.6, 3.0),
     "dvl": (0.5, 4.0),
     "acoustics": (0.1, 3.0),
