@@ -19,7 +19,7 @@ from bluerov_slam.records import NavMode, SensorTrust
 
 WELL = NavigationFacts("running", mode=NavMode.AIDED, text="Known within 2.1 m", heard_s=99.9)
 GPS = SensorFacts("gps", SensorTrust.REJECTED, "it jumped by 1 km")
-DEPTH = SensorFacts("depth", SensorTrust.IGNORED, "the pressure has not changed for 20 s: check the sensor")
+DEPTH = SensorFacts("depth", SensorTrust.IGNORED, "the pressure has not changed for 20 s: check the sensor.")
 THRUST = SensorFacts("thrust", SensorTrust.IGNORED, "no battery voltage")
 
 
@@ -88,4 +88,5 @@ def test_distrusted_sensors_are_named_and_each_reason_is_told():
     chip, (fault,) = changed(distrusted=(GPS, DEPTH))
     assert chip.text == "GPS and Depth not trusted"
     assert "pressure has not changed" in fault.cause
+    assert ".." not in fault.cause
     assert changed(distrusted=(GPS, DEPTH, THRUST))[0].text == "3 sensors not trusted"

@@ -58,7 +58,7 @@ class SerialSettings(Group):
         max_length=255,
     )
     baud: Literal[115200, 921600] = setting(
-        115200, "must be what the firmware uses; the seed's firmware uses 115200", unit="baud", live=True
+        115200, "must be what the firmware uses; ours and the first system's use 115200", unit="baud", live=True
     )
 
 

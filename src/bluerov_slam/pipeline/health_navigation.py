@@ -73,7 +73,7 @@ def _state(navigation: NavigationFacts, age_s: float, facts: HealthFacts) -> Fin
         names = names if count <= _NAMED else f"{count} sensors"
         rejected = any(sensor.trust is SensorTrust.REJECTED for sensor in navigation.distrusted)
         reasons = " ".join(
-            f"{LABELS.get(sensor.name, sensor.name)}: {sensor.reason or 'no reason given'}."
+            f"{LABELS.get(sensor.name, sensor.name)}: {(sensor.reason or 'no reason given').rstrip('.')}."
             for sensor in navigation.distrusted
         )
         return wrong(

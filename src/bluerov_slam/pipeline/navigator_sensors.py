@@ -101,7 +101,8 @@ class SensorStatus:
         self.rejected += 1
         self.rejected_in_a_row += 1
         self.changed |= self.rejected_in_a_row == REJECTED_IN_A_ROW
-        self._nis.append((nis, dof))
+        # The mean shows how well values fit, the count of rejected ones that some did not: one wild value is not both.
+        self._nis.append((min(nis, MOST_TOLD * dof), dof))
         if self.rejected_in_a_row <= REJECTED_IN_A_ROW:
             self._learn(nis / dof)
 
