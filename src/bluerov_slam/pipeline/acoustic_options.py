@@ -31,6 +31,7 @@ class AcousticOptions:
     beacon_from_message: bool = True
     carrier_hz: float = 40_000.0
     delay_std_s: float = 0.5e-6
+    place_std_m: float = 1e-3  # [choice] of a receiver's place along any axis, measured with a ruler
     slip_prior: float = 0.01
     nearest_m: float = 3.0
     use_for_navigation: bool = True

@@ -17,7 +17,12 @@ from bluerov_slam.acoustics.message.demodulation import demodulate
 from bluerov_slam.acoustics.receiver_faults import SwapWatch
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.pipeline.acoustic_beacon import Beacons
-from bluerov_slam.pipeline.acoustic_delays import count_mismatch, differences_of, with_slips
+from bluerov_slam.pipeline.acoustic_delays import (
+    count_mismatch,
+    differences_of,
+    with_model_errors,
+    with_slips,
+)
 from bluerov_slam.pipeline.acoustic_options import AcousticOptions
 from bluerov_slam.pipeline.acoustic_position import Poses, direction_of, place, solve_direction
 from bluerov_slam.pipeline.acoustic_watch import AcousticWatch
@@ -62,6 +67,8 @@ AMBIGUOUS: Final = 0.2
 # A CTD that was silent for longer may have been in other water.
 SOUND_SPEED_KEPT_S: Final = 600.0
 SOUND_SPEEDS_MPS: Final = (300.0, 1700.0)
+# Sea water has 1450 to 1550 m/s: what a setting that nobody measures may be off by, relative, one sigma.
+UNMEASURED_SPEED_STD: Final = 0.01
 AMBIGUOUS_TEXT: Final = "a receiver may be wrong by one period of the carrier, and nothing tells which"
 
 TWO_TEXT: Final = "the direction jumps between two places: two transmitters, or one and its echo"
@@ -196,18 +203,29 @@ class AcousticPipeline:
             beacon_source=None if beacon is None else beacon.source,
         )
 
-    def _speed(self, now_s: float) -> float:
+    def _measured_speed(self, now_s: float) -> float | None:
+        """What the CTD told of late."""
         if not self.options.sound_speed_fixed and self._sound_speed is not None:
             speed, heard_s = self._sound_speed
             if now_s - heard_s <= SOUND_SPEED_KEPT_S:
                 return speed
-        return self.options.sound_speed_mps
+        return None
+
+    def _speed(self, now_s: float) -> float:
+        speed = self._measured_speed(now_s)
+        return self.options.sound_speed_mps if speed is None else speed
+
+    def _speed_std(self, now_s: float) -> float:
+        """Relative."""
+        return UNMEASURED_SPEED_STD if self._measured_speed(now_s) is None else self.options.sound_speed_std
 
     def _judged(self, base: AcousticFix, differences: TimeDifferences) -> AcousticFix:
         options, speed = self.options, base.sound_speed_mps
         base = replace(base, snr_db=_known(differences.snr_db), excluded=differences.excluded)
         if len(differences.receivers) < 3:
             return replace(base, reason=_too_few(differences))
+        timing_s2 = differences.covariance_s2
+        differences = with_model_errors(differences, options, speed, self._speed_std(base.arrived_s))
         if math.isnan(differences.slip_probability):
             differences = with_slips(differences, options, speed)
         slip = differences.slip_probability
@@ -217,7 +235,7 @@ class AcousticPipeline:
             reason=solution.reason,
             receivers=tuple(differences.receivers.tolist()),
             delays_s=tuple(differences.delays_s.tolist()),
-            delay_covariance_s2=_rows(differences.covariance_s2),
+            delay_covariance_s2=_rows(timing_s2),  # the filter has states of its own for the rest
             slip_probability=None if math.isnan(slip) else slip,
             alternatives=tuple((tuple(delays.tolist()), share) for delays, share in differences.alternatives),
         )
