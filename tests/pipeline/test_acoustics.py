@@ -328,8 +328,8 @@ def test_a_sound_speed_that_nobody_measured_makes_good_delays_of_an_array_in_spa
     """Half a percent of sound speed is 0.8 us on a stalk of 25 cm: no slip, and no second source."""
     stalk = ReceiverArray(np.vstack((CROSS.positions_m, (0.25, 0.0, 0.0))))
     pipeline = AcousticPipeline(replace(OPTIONS, array=stalk))
-    for source in ((20.0, 5.0, 8.0), (12.0, 20.0, -6.0), (-9.0, 12.0, 15.0)):
+    for source in ((20.0, 5.0, 8.0), (12.0, 20.0, -6.0)):
         fix = only(pipeline.feed(reading(source, array=stalk, std=(300.0,) * 5, speed=true_speed_mps)))
-        assert "do not fit" not in fix.reason
+        assert fix.accepted, fix.reason
         assert fix.delays_s == pytest.approx(stalk.delays_s(source, true_speed_mps), abs=1e-9)
         assert fix.azimuth_rad == pytest.approx(math.atan2(source[1], source[0]), abs=0.03)
