@@ -6,11 +6,13 @@ The first position comes from a whole fix, where nothing else has told one; from
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bluerov_slam.acoustics.navigation_aid import BEACON, AcousticDelays, AidOptions, Verdict
+from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.navigation.measurements import HorizontalPosition
 from bluerov_slam.pipeline.acoustic_bend import AcousticBend
 from bluerov_slam.pipeline.navigator_gps import Fix
@@ -28,6 +30,10 @@ SENSOR: Final = "acoustics"
 MOVED_M: Final = 1.0
 # A transmitter on a line hangs and swings by so much.
 BEACON_DEPTH_STD_M: Final = 0.3
+# One pulse may have come by an echo, or be another transmitter's: so many must agree before a dive begins with them.
+AGREEING: Final = 3
+AGREE_STD: Final = 3.0
+FASTEST_MPS: Final = 2.0
 # A timing better than this is no measured one: the rest of the receivers' errors is larger.
 LEAST_TIMING_S: Final = 2e-8
 
@@ -41,6 +47,7 @@ class AcousticIntake:
         self._options = options
         self._stated: tuple[float, float, float] | None = None
         self._pending: Verdict | None = None
+        self._first: deque[AcousticFix] = deque(maxlen=AGREEING)
         self._bend = AcousticBend()
 
     def water(self, record: CtdSample) -> None:
@@ -73,6 +80,9 @@ class AcousticIntake:
         if record.position_deg is None or record.covariance_ned_m2 is None or not core.heading_known():
             return
         assert core.timeline is not None
+        self._first.append(record)
+        if len(self._first) < AGREEING or not all(_agree(record, other) for other in self._first):
+            return
         covariance = np.array(record.covariance_ned_m2)[:2, :2]
         if core.place.frame is None:
             std_m = math.sqrt(0.5 * float(covariance.trace()))
@@ -144,3 +154,15 @@ class AcousticIntake:
         core.account(result)
         if result.accepted:
             core.last_fix_s = result.at_s if core.last_fix_s is None else max(core.last_fix_s, result.at_s)
+
+
+def _agree(one: AcousticFix, other: AcousticFix) -> bool:
+    """Whether one vehicle can have been at both places."""
+    assert one.position_deg is not None
+    assert one.covariance_ned_m2 is not None
+    assert other.position_deg is not None
+    assert other.covariance_ned_m2 is not None
+    north_m, east_m, _ = LocalFrame(*one.position_deg).to_ned_m(*other.position_deg)
+    spread_m2 = float((np.array(one.covariance_ned_m2) + np.array(other.covariance_ned_m2))[:2, :2].trace())
+    moved_m = FASTEST_MPS * abs(one.measured_s - other.measured_s)
+    return math.hypot(north_m, east_m) < AGREE_STD * math.sqrt(spread_m2) + moved_m

@@ -280,6 +280,8 @@ def search(
     order = np.argsort(against + doubt, kind="stable")[:CELLS]
     order = order[np.isfinite(against[order])]
     free = _contradicting(kept, doubt, squared / count, order)
+    if not len(order):
+        return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0), free)
     kept, against, squared = kept[order], against[order], squared[order]
     mean, share = coherence.of_all(kept)
     odds = -against - _doubt(mean, count, freedom * share)
