@@ -71,3 +71,10 @@ def test_a_mounting_turns_array_axes_into_the_body() -> None:
 def test_a_left_handed_mounting_is_refused() -> None:
     with pytest.raises(ArrayGeometryError, match="left-handed"):
         ArrayMounting(np.diag((1.0, -1.0, 1.0)))
+
+
+def test_a_stalk_stands_an_arm_before_the_cross_and_spans_space() -> None:
+    stalk = ReceiverArray.cross(0.3, stalk=True)
+    assert len(stalk) == 5
+    assert stalk.positions_m[4].tolist() == [0.3, 0.0, 0.0]
+    assert (stalk.rank, ReceiverArray.cross(0.3, centre=True).rank) == (3, 2)

@@ -65,7 +65,7 @@ def full_filter(fixes, interval, settings):
     """Three states (y, z, yaw error) with full matrices: filtered and smoothed positions with variances."""
     wobble = (math.radians(settings.yaw_sd_deg) * RANGE_MM) ** 2
     h = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    x, p = np.append(np.median(fixes[:5], axis=0), 0.0), np.diag([80.0**2, 80.0**2, wobble])
+    x, p = np.append(fixes[0], 0.0), np.diag([80.0**2, 80.0**2, wobble])
     after, before, steps = [], [], []
     for i, (fix, dt) in enumerate(zip(fixes, interval, strict=True)):
         decay = math.exp(-dt / settings.yaw_time_s)

@@ -117,10 +117,16 @@ def test_the_surface_is_highest_where_the_source_is() -> None:
     made = simulate_record(AcousticSetup(array, medium=Medium(1500.0), snr_db=25.0), SOURCE, 4)
     record = AcousticRecord(0.0, 0.0, 1, made.sample_rate_hz, np.array(made.samples, np.int16), 12, 0)
     options = SolveOptions(array, 1500.0)
-    surface = steered_surface(solve_record(record, options), options, steps=201)
+    solved = solve_record(record, options)
+    surface = steered_surface(solved, options, steps=201)
     assert surface is not None
-    cosines, values = surface
-    row, column = np.unravel_index(np.nanargmax(values), values.shape)
+    row, column = np.unravel_index(np.nanargmax(surface.agreement), surface.agreement.shape)
     expected = np.array(SOURCE) / np.linalg.norm(SOURCE)
-    assert (cosines[column], cosines[row]) == pytest.approx(expected[1:], abs=0.02)
-    assert 0.85 < np.nanmax(values) <= 1.0 + 1e-9
+    assert (surface.right[column], surface.down[row]) == pytest.approx(expected[1:], abs=0.02)
+    assert 0.85 < np.nanmax(surface.agreement) <= 1.0 + 1e-9
+    near = steered_surface(solved, options, 81, (expected[1], expected[2]), 0.05)
+    assert near is not None
+    row, column = np.unravel_index(np.nanargmax(near.agreement), near.agreement.shape)
+    assert (near.right[column], near.down[row]) == pytest.approx(expected[1:], abs=0.004)
+    # A coarse map misses no peak: its cells hold the best within them.
+    assert np.nanmax(surface.agreement) == pytest.approx(np.nanmax(near.agreement), abs=0.02)

@@ -1,8 +1,10 @@
 """What the pilot is told."""
 
-import math
 from typing import Any
 
+import pytest
+
+from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT, WRONG_TEXT
 from bluerov_slam.pipeline.acoustic_watch import AcousticState, AcousticWatch, AcousticWords
 from bluerov_slam.records import AcousticFix
 
@@ -61,17 +63,23 @@ def test_a_receiver_that_stays_silent_is_named_with_its_cure() -> None:
     assert (said.state, said.text, said.cure) == (AcousticState.WARN, "Receiver 2: silent", "Check its cable.")
 
 
-def test_two_transmitters_take_turns() -> None:
-    here, there = {"azimuth_rad": 0.3}, {"azimuth_rad": -1.2}
-    said = words(*(fix(float(k), **(here if k % 2 else there)) for k in range(8)))
+@pytest.mark.parametrize(
+    ("reason", "text"), [(TWO_TEXT, "Two transmitters"), (PLACES_TEXT, "jumps between two"), (WRONG_TEXT, "should be")]
+)
+def test_what_is_held_back_is_a_fault_with_its_cure(reason: str, text: str) -> None:
+    said = words(*series(accepted=False, reason=reason))
     assert said.state is AcousticState.FAULT
-    assert "two places" in said.text
-    assert "switch one off" in said.cure
+    assert text in said.text
+    assert ";" not in said.text
+    assert said.cure.endswith(".")
 
 
-def test_a_vehicle_that_turns_is_no_second_transmitter() -> None:
-    turning = [fix(float(k), azimuth_rad=math.remainder(0.5 * k, math.tau)) for k in range(14)]
-    assert words(*turning).state is AcousticState.OK
+def test_another_transmitter_beside_ours_is_a_warning() -> None:
+    other = {"accepted": False, "reason": OTHER_TEXT}
+    said = words(*(fix(float(k), **(other if k % 2 else {})) for k in range(12)))
+    assert said.state is AcousticState.WARN
+    assert "the one where ours should be is used" in said.text
+    assert words(*series(), fix(8.0, **other)).state is AcousticState.OK
 
 
 def test_a_direction_alone_says_what_is_missing() -> None:

@@ -1,4 +1,7 @@
+import json
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +23,7 @@ from bluerov_slam.protocol.acoustic_messages import (
     unpack_record_chunk,
     unpack_tdoa,
 )
+from bluerov_slam.protocol.esp32_messages import Esp32FrameDecoder, MessageType
 from bluerov_slam.records import AcousticRecord
 
 U32 = st.integers(0, 2**32 - 1)
@@ -30,6 +34,44 @@ U16 = st.integers(0, 0xFFFF)
 def record(receivers: int = 4, samples: int = 2048) -> AcousticRecord:
     counts = np.random.default_rng(7).integers(-2048, 2048, (receivers, samples)).astype(np.int16)
     return AcousticRecord(1.0, 2.0, 77, 851_393.0, counts, 12, 128)
+
+
+MESSAGES = json.loads((Path(__file__).parents[1] / "vectors" / "esp32.json").read_text())["messages"]
+
+
+def golden(kind: MessageType) -> list[tuple[dict[str, Any], bytes]]:
+    """Fields and payload of each golden frame of a kind; the firmware's tests read the same frames."""
+    found = []
+    for message in MESSAGES:
+        if message["type"] == kind:
+            [(frame_type, payload)] = Esp32FrameDecoder().feed(bytes.fromhex(message["frame"]))
+            assert frame_type == kind
+            found.append((message["fields"], payload))
+    assert len(found) == 2
+    return found
+
+
+def test_golden_time_differences() -> None:
+    for expected, payload in golden(MessageType.ACOUSTIC_TDOA):
+        fields = TdoaFields(**{key: tuple(v) if isinstance(v, list) else v for key, v in expected.items()})
+        assert unpack_tdoa(payload) == fields
+        assert pack_tdoa(fields) == payload
+
+
+def test_golden_record_chunks() -> None:
+    for expected, payload in golden(MessageType.ACOUSTIC_RECORD):
+        chunk = unpack_record_chunk(payload)
+        assert chunk is not None
+        for key, value in expected.items():
+            np.testing.assert_array_equal(getattr(chunk, key), value)
+        assert pack_record_chunk(chunk) == payload
+
+
+def test_golden_messages() -> None:
+    for expected, payload in golden(MessageType.ACOUSTIC_MESSAGE):
+        fields = MessageFields(expected["t_us"], expected["corrected_errors"], bytes.fromhex(expected["payload"]))
+        assert unpack_message(payload) == fields
+        assert pack_message(fields) == payload
 
 
 def test_tdoa_bytes_as_documented() -> None:

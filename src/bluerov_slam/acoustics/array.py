@@ -58,17 +58,27 @@ class ReceiverArray:
 
     @classmethod
     def cross(
-        cls, arm_m: float = 0.25, centre: bool = False, sample_skew_s: ArrayLike = (), name: str = ""
+        cls,
+        arm_m: float = 0.25,
+        centre: bool = False,
+        sample_skew_s: ArrayLike = (),
+        name: str = "",
+        *,
+        stalk: bool = False,
     ) -> ReceiverArray:
-        """The thesis's X: receivers 0..3 at (0,-h,-h) (0,-h,h) (0,h,h) (0,h,-h); a fifth in the middle on demand."""
+        """The thesis's X: receivers 0..3 at (0,-h,-h) (0,-h,h) (0,h,h) (0,h,-h); on demand a fifth in the middle, or on
+        a stalk of the arm's length before it, which tells front from back and sees flat directions.
+        """
         h = arm_m / math.sqrt(2.0)
         places = [(0.0, -h, -h), (0.0, -h, h), (0.0, h, h), (0.0, h, -h)]
         if centre:
             places.append((0.0, 0.0, 0.0))
+        if stalk:
+            places.append((arm_m, 0.0, 0.0))
         return cls(
             np.array(places),
             np.asarray(sample_skew_s, dtype=np.float64),
-            name or ("cross with centre" if centre else "cross"),
+            name or ("cross" + " with centre" * centre + " with stalk" * stalk),
         )
 
     def __len__(self) -> int:

@@ -1,7 +1,8 @@
 """Time differences of a known transmitter as a tightly coupled measurement of the navigation filter.
 
-With b the transmitter minus the vehicle in NED, l the array's lever arm, R_m its mounting and e the mounting's error
-(block `isbl_mounting`, a rotation vector in the body's axes), the source in the array's frame and its delays are
+With b the transmitter minus the vehicle in NED, l the array's lever arm, R_m its mounting and e the directions' lasting
+error (blocks `isbl_mounting` plus `isbl_wander`, rotation vectors in the body's axes), the source in the array's frame
+and its delays are
 
     q = R_m' Exp(-e) (R' b - l),   delay_i = (|q - m_0| - |q - m_i|) / ((1 + sound_speed_scale) c)
 
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 
 MOUNTING = "isbl_mounting"
 """Extra block (3, rad): how the array's axes are turned against its nominal mounting."""
+
+WANDER = "isbl_wander"
+"""Extra block (3, rad): what turns all directions for minutes, as rays that bend and echoes that overlap do."""
 
 BEACON = "isbl_beacon"
 """Extra block (3, m NED): by how much the transmitter is elsewhere than stated."""
@@ -142,8 +146,10 @@ class AcousticDelays:
         toward_frd = rotation_frd_ned @ toward_ned - self.mounting.lever_arm_frd_m
         turn = np.eye(3)
         error = np.zeros(3)
-        if MOUNTING in layout:
-            error = estimate.block(MOUNTING)
+        turns = [name for name in (MOUNTING, WANDER) if name in layout]
+        for name in turns:
+            error = error + estimate.block(name)
+        if turns:
             turn = exp_so3(-error)
         turned = turn @ toward_frd
         to_array = self.mounting.rotation_frd_array.T
@@ -167,8 +173,8 @@ class AcousticDelays:
         by_place = by_frd @ rotation_frd_ned @ by_straight
         jacobian[:, POSITION] = -by_place
         jacobian[:, ATTITUDE] = by_frd @ rotation_frd_ned @ skew(toward_ned)
-        if MOUNTING in layout:
-            jacobian[:, layout[MOUNTING]] = by_turned @ skew(turned) @ left_jacobian(-error)
+        for name in turns:
+            jacobian[:, layout[name]] = by_turned @ skew(turned) @ left_jacobian(-error)
         if BEACON in layout:
             jacobian[:, layout[BEACON]] = by_place
         if "sound_speed_scale" in layout:

@@ -13,14 +13,14 @@ from dataclasses import replace
 from bluerov_slam.acoustics.slip_lattice import LatticeSettings
 
 _LEAST_GAIN = 1e-4
-_MOST_ROUNDS = 4
+MOST_ROUNDS = 4
 
 
 def tune(
     cost: Callable[[LatticeSettings], float],
     start: LatticeSettings,
     grids: Mapping[str, Sequence[float]],
-    rounds: int = _MOST_ROUNDS,
+    rounds: int = MOST_ROUNDS,
 ) -> tuple[LatticeSettings, float]:
     """The settings found and their cost; `start` may lie beside the grids, what is moved lies on them."""
     best, least = start, cost(start)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from itertools import combinations
+from statistics import median
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -123,11 +125,18 @@ class SwapWatch:
         return find_swapped(heard[:, :1] - heard[:, 1:], self._array, sound_speed_mps)
 
 
+@lru_cache(maxsize=4)
+def hanning(length: int) -> FloatArray:
+    """The window, made once."""
+    window: FloatArray = np.hanning(length)
+    return window
+
+
 def _receiver_faults(record: FloatArray, bits: int) -> list[RecordFault]:
     findings: list[RecordFault] = []
     std_counts = record.std(axis=1)
     for receiver, std in enumerate(std_counts.tolist()):
-        others = float(np.median(np.delete(std_counts, receiver))) if len(record) > 1 else std
+        others = median([*std_counts[:receiver].tolist(), *std_counts[receiver + 1 :].tolist()] or [std])
         if std < DEAD_STD_COUNTS:
             findings.append(RecordFault(Fault.DEAD, f"stands still at {record[receiver, 0]:.0f} counts", (receiver,)))
         elif std < SILENT_STD_COUNTS and std < SILENT_SHARE * others:
@@ -142,7 +151,10 @@ def _receiver_faults(record: FloatArray, bits: int) -> list[RecordFault]:
 def _clipped_share(wave: FloatArray, bits: int) -> float:
     """Share of the samples in runs at either end of the scale, which lies about zero or begins there."""
     half = 1 << (bits - 1)
-    low, high = (0, 2 * half - 1) if wave.min() >= 0.0 and wave.max() > half else (-half, half - 1)
+    lowest, highest = float(wave.min()), float(wave.max())
+    low, high = (0, 2 * half - 1) if lowest >= 0.0 and highest > half else (-half, half - 1)
+    if lowest > low and highest < high:
+        return 0.0
     at_end = (wave <= low) | (wave >= high)
     run = at_end[: len(wave) - CLIPPED_RUN + 1].copy()
     for shift in range(1, CLIPPED_RUN):
@@ -153,7 +165,7 @@ def _clipped_share(wave: FloatArray, bits: int) -> float:
 def _rate_fault(record: FloatArray, sample_rate_hz: float) -> RecordFault | None:
     """Whether the energy lies where no transmitter sends: then the record was not sampled at the rate it says."""
     count = record.shape[1]
-    power = np.abs(np.fft.rfft((record - record.mean(axis=1, keepdims=True)) * np.hanning(count), axis=1)) ** 2
+    power = np.abs(np.fft.rfft((record - record.mean(axis=1, keepdims=True)) * hanning(count), axis=1)) ** 2
     total = power.sum(axis=0)
     frequency_hz = np.arange(len(total)) * (sample_rate_hz / count)
     inside = (frequency_hz > _SPECTRUM_HZ[0]) & (frequency_hz < min(_SPECTRUM_HZ[1], 0.5 * sample_rate_hz))

@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_FIRST_FIXES = 5
-"""The filter begins at the median of so many fixes, as unsure as a fix may be wrong by slips."""
 _START_SD_MM = 80.0
+"""The filter begins at its first fix, as unsure as that may be wrong by slips."""
 _NO_CELL_MM = 1e6
 _LEAST_P = 1e-12
 
@@ -144,6 +143,7 @@ class _Run:
         self.present = np.zeros((count, longest), dtype=np.bool_)
         self.cells = np.full((count, most_cells, 2), _NO_CELL_MM)
         self.p = np.zeros((count, most_cells))
+        self.real = np.zeros((count, most_cells), dtype=np.bool_)
         move = np.zeros((count, longest, 2))
         interval = np.zeros((count, longest))
         turn = np.zeros((count, longest, 3))
@@ -151,7 +151,7 @@ class _Run:
             n, k = len(log.at_mm), len(log.cells.at_mm)
             self.fixes[b, :n], self.present[b, :n] = log.at_mm, True
             self.cells[b, :k] = log.cells.at_mm
-            self.p[b, :k] = log.cells.probability
+            self.p[b, :k], self.real[b, :k] = log.cells.probability, True
             move[b, :n], interval[b, :n], turn[b, :n] = log.displacement_mm, log.interval_s, log.turn_deg
         self.move = move * (settings.displacement_y, settings.displacement_z)
         self.q_y = settings.walk_y * interval + settings.turn_y * turn[:, :, 0] ** 2
@@ -163,8 +163,8 @@ class _Run:
         self.log_in, self.log_out = math.log1p(-settings.outlier_share), math.log(settings.outlier_share)
         self.wide = settings.outlier_sd**2
         self.trust, self.learning = settings.trust, settings.learning
-        self.y = np.array([np.median(log.at_mm[:_FIRST_FIXES, 0]) for log in logs])
-        self.z = np.array([np.median(log.at_mm[:_FIRST_FIXES, 1]) for log in logs])
+        self.y = np.array([log.at_mm[0, 0] for log in logs])
+        self.z = np.array([log.at_mm[0, 1] for log in logs])
         self.w = np.zeros(count)
         self.yy, self.zz = np.full(count, _START_SD_MM**2), np.full(count, _START_SD_MM**2)
         self.yw, self.ww = np.zeros(count), self.wobble.copy()
@@ -186,7 +186,7 @@ class _Run:
         s_y, s_z = self.yy + 2.0 * self.yw + self.ww + self.r_y, self.zz + self.r_z
         u_y, u_z = off_y[:, None] - self.cells[:, :, 0], off_z[:, None] - self.cells[:, :, 1]
         liking = np.maximum(self.p, _LEAST_P) ** self.trust
-        inside = np.log(liking / liking.sum(axis=1, keepdims=True))
+        inside = np.log(liking / np.sum(liking, axis=1, keepdims=True, where=self.real))
         inside -= 0.5 * (u_y * u_y / s_y[:, None] + u_z * u_z / s_z[:, None])
         inside += (self.log_in - 0.5 * np.log(s_y * s_z))[:, None]
         o_y, o_z = s_y + self.wide, s_z + self.wide

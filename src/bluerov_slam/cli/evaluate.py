@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,17 +9,21 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bluerov_slam.cli.evaluation_options import (
+    DATA_VARIABLE,
+    data_option,
+    run_all,
+    run_options,
+    tell,
+    warn_of_tuning_seeds,
+)
 from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.navigation_cases import Job, Outcome
-    from bluerov_slam.evaluation.navigation_table import Row
     from bluerov_slam.records import Record
 
-DEFAULT_SEEDS, DEFAULT_BASE = 30, 1000
-TUNING_SEEDS = 100
-DATA_VARIABLE = "BLUEROV_SLAM_DATA"
-_BESIDE_THE_CHECKOUT = Path(__file__).resolve().parents[4] / "shared" / "data"
+DEFAULT_SEEDS = 30
 _SNAPIR, _ACOUSTIC = "auv_dvl_gt_snapir", "bluerov2_ugps_dive"
 _ACOUSTIC_LOGS = {"2024": "", "2022a": "qgc_2022-08-15_09-56-00.csv", "2022b": "qgc_2022-08-15_11-57-51.csv"}
 
@@ -33,21 +35,8 @@ def command() -> None:
 
 @command.command(name="navigation")
 @click.option("--seeds", default=DEFAULT_SEEDS, show_default=True, type=click.IntRange(1), help="Dives of each case.")
-@click.option(
-    "--seed-base",
-    default=DEFAULT_BASE,
-    show_default=True,
-    type=click.IntRange(0),
-    help="First seed; below 100 are those for tuning.",
-)
 @click.option("--cases", default="", help="Some of N1 to N8, as N1,N2; all by default.")
-@click.option(
-    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the table as JSON, too."
-)
-@click.option("--jobs", default=0, type=click.IntRange(0), help="Processes; 0: one for each processor.")
-@click.option(
-    "--scheduler", default=None, help="A Dask scheduler to run on, as tcp://host:8786; by default this machine."
-)
+@run_options
 @click.option(
     "--firmware",
     type=click.Choice(["auto", "native", "reference"]),
@@ -55,14 +44,7 @@ def command() -> None:
     show_default=True,
     help="The board of the simulated dives.",
 )
-@click.option(
-    "--data",
-    "data_folder",
-    type=click.Path(file_okay=False, path_type=Path),
-    envvar=DATA_VARIABLE,
-    default=_BESIDE_THE_CHECKOUT,
-    help=f"Real recordings for N7 and N8 ({DATA_VARIABLE}).",
-)
+@data_option("Real recordings for N7 and N8")
 def navigation(
     seeds: int,
     seed_base: int,
@@ -76,28 +58,13 @@ def navigation(
     """Run the cases N1 to N8 (docs/evaluation.md) and print what came out beside what must come out."""
     from bluerov_slam.evaluation.navigation_cases import jobs_for
     from bluerov_slam.evaluation.navigation_table import table
-    from bluerov_slam.survey.batch import Progress, run_batch
 
     wanted = _wanted(cases)
-    if seed_base < TUNING_SEEDS:
-        click.echo(f"Seeds below {TUNING_SEEDS} were used for tuning: the figures are no test", err=True)
+    warn_of_tuning_seeds(seed_base)
     wanted = [case for case in wanted if _has_data(case, data_folder)]
     tasks = [Task(job, firmware, str(data_folder)) for job in jobs_for(wanted, range(seed_base, seed_base + seeds))]
-    progress = Progress(len(tasks), lambda line: click.echo(line, err=True))
-    outcomes: list[Outcome] = []
-    try:
-        for task, found in run_batch(run_task, tasks, jobs or os.cpu_count() or 1, scheduler):
-            outcomes += found
-            progress.done(str(task.job))
-    except KeyboardInterrupt:
-        click.echo("Stopped: nothing is stated from a part of the runs", err=True)
-        raise SystemExit(130) from None
-    rows = table(wanted, outcomes)
-    click.echo(as_text(rows))
-    if json_file is not None:
-        json_file.write_text(json.dumps([row.as_json() for row in rows], indent=1) + "\n", encoding="utf-8")
-    missed = [row.id for row in rows if row.met is False]
-    click.echo(f"Not met: {', '.join(missed)}" if missed else "Every target is met")
+    found = run_all(run_task, tasks, jobs, scheduler)
+    tell(table(wanted, [outcome for _, outcomes in found for outcome in outcomes]), json_file)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +74,9 @@ class Task:
     job: Job
     firmware: str
     data_folder: str
+
+    def __str__(self) -> str:
+        return str(self.job)
 
 
 def run_task(task: Task) -> list[Outcome]:
@@ -149,27 +119,3 @@ def _has_data(case: str, folder: Path) -> bool:
         return True
     click.echo(f"{case} is left out: it needs the recordings in {needed} (set {DATA_VARIABLE})", err=True)
     return False
-
-
-def as_text(rows: list[Row]) -> str:
-    """The table for a terminal."""
-    lines = [("id", "figure", "value", "95 % interval", "unit", "must", "aim", "/ bound", "met")]
-    for row in rows:
-        interval = row.interval
-        lines.append(
-            (
-                row.id,
-                row.name,
-                f"{interval.value:.3g}",
-                f"{interval.low:.3g}..{interval.high:.3g}",
-                row.unit,
-                "" if row.must is None else str(row.must),
-                "" if row.aim is None else str(row.aim),
-                "" if row.bound_ratio is None else f"{row.bound_ratio:.2f}",
-                {True: "yes", False: "NO", None: ""}[row.met],
-            )
-        )
-    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-    )

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from bluerov_slam.cli.isbl_thesis import data_option
+from bluerov_slam.cli.evaluation_options import LOGS, data_option
 from bluerov_slam.errors import ConfigError
 
 
 @click.command(name="calibrate", short_help="Calibrate and tune on the first halves of the thesis's logs.")
-@data_option
+@data_option(LOGS)
 @click.option("--train-only", is_flag=True, help="Use nothing but the first half of each log. There is no other way.")
 @click.option(
     "--out",
@@ -23,7 +23,7 @@ from bluerov_slam.errors import ConfigError
 @click.option("--check", is_flag=True, help="Write nothing; say whether the package's file comes out, byte for byte.")
 def command(data_folder: Path, train_only: bool, out: Path, check: bool) -> None:
     """Find biases, cell probabilities and noise from first halves; some minutes."""
-    from bluerov_slam.evaluation.thesis_held_out import train
+    from bluerov_slam.evaluation.thesis_training import train
     from bluerov_slam.survey.thesis_parameters import as_text, shipped_text
     from bluerov_slam.survey.thesis_study import read_study
 
@@ -31,7 +31,8 @@ def command(data_folder: Path, train_only: bool, out: Path, check: bool) -> None
         raise ConfigError(
             "isbl calibrate needs --train-only: parameters that saw the second halves would score nothing"
         )
-    text = as_text(train(read_study(data_folder).sessions, lambda line: click.echo(line, err=True)))
+    halves = [session.first for session in read_study(data_folder).sessions]
+    text = as_text(train(halves, lambda line: click.echo(line, err=True)))
     if check:
         same = text == shipped_text()
         click.echo("The package's parameters come out byte for byte" if same else "They differ from the package's")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from bluerov_slam.cli.isbl_thesis import data_option, json_option, tell
+from bluerov_slam.cli.evaluation_options import LOGS, data_option, json_option, tell
 
 
 @click.command(name="heldout", short_help="Score the filters on held-out halves of the thesis's logs.")
-@data_option
+@data_option(LOGS)
 @json_option
 @click.option(
     "--parameters",

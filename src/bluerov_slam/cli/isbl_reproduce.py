@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from bluerov_slam.cli.isbl_thesis import data_option, json_option, tell
+from bluerov_slam.cli.evaluation_options import LOGS, data_option, json_option, tell
 
 
 @click.command(name="reproduce", short_help="The thesis's published results, from its raw logs.")
-@data_option
+@data_option(LOGS)
 @json_option
 @click.option(
     "--report", "report_file", type=click.Path(dir_okay=False, path_type=Path), help="Write a report with plots (HTML)."

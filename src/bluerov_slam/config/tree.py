@@ -313,9 +313,9 @@ class AcousticsSettings(Group):
         live=True,
     )
     udp_port: Port = setting(14557, "UDP port for the board's frames; 0 takes a free port", live=True)
-    array: Literal["cross", "cross_with_centre", "places"] = setting(
+    array: Literal["cross", "cross_with_centre", "cross_with_stalk", "places"] = setting(
         "cross",
-        "four receivers in an X, with a fifth in its middle, or anywhere (acoustics.places_m)",
+        "four receivers in an X, a fifth in its middle or an arm's length before it, or anywhere (acoustics.places_m)",
         live=True,
     )
     arm_m: float = setting(0.25, "from the centre of the X to each receiver", unit="m", live=True, ge=0.02, le=5.0)
@@ -392,7 +392,7 @@ class AcousticsSettings(Group):
                 "0,-0.2,-0.2; 0,-0.2,0.2; 0,0.2,0",
                 {"key": "acoustics.places_m"},
             )
-        count = len(places) if wanted else 4 + (self.array == "cross_with_centre")
+        count = len(places) if wanted else 4 + (self.array != "cross")
         if self.sample_skew_us and len(self.sample_skew_us) != count:
             raise PydanticCustomError(
                 "setting",

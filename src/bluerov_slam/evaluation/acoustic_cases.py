@@ -97,6 +97,12 @@ def table(cases: Sequence[AcousticCase], found: Sequence[tuple[AcousticJob, Any]
     return rows
 
 
+def skipped_row(case: AcousticCase, reason: str) -> Row:
+    """In place of a case's rows where it cannot be run: no value, nothing judged."""
+    nothing = float("nan")
+    return Row(case.id, f"{case.title}: skipped, {reason}", Interval(nothing, nothing, nothing), "")
+
+
 @dataclass(frozen=True, slots=True)
 class JudgedRow(Row):
     """A row whose 95 % limit on the bad side is judged, not its value."""

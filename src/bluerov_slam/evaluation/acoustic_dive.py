@@ -34,11 +34,14 @@ if TYPE_CHECKING:
 
 PLAN = replace(DIVE_PLANS["n3"], name="acoustic", afloat_first_s=60.0, afloat_last_s=0.0, depth_m=5.0)
 BEACON_NED_M = (90.0, 40.0, 15.0)
+# The study knows the transmitter's place exactly. Here its user does, and says so; the place is off by that much.
+BEACON_STD_M = 0.1
 EVERY_S = 5.0
 # A cross that looks down, and a fifth receiver on a stalk below it: directions near the array's plane are seen, too.
 ARRAY = ReceiverArray(np.vstack((ReceiverArray.cross().positions_m, (0.25, 0.0, 0.0))), name="cross with stalk")
 MOUNTING_RAD = (0.0, -math.pi / 2.0, 0.0)
 LEVER_FRD_M = (0.1, 0.0, 0.2)
+ERRORS = PingErrors(beacon_m=BEACON_STD_M)
 _STEP_S = 1.0
 
 
@@ -59,7 +62,13 @@ class AcousticDiveOutcome:
 def options() -> NavigatorOptions:
     """The navigator's defaults with an array on board, in water known to be mixed: the pings come straight."""
     return NavigatorOptions(
-        acoustics=AcousticOptions(array=ARRAY, mounting=_mounting(), beacon_depth_std_m=0.3, sound_speed_fixed=True)
+        acoustics=AcousticOptions(
+            array=ARRAY,
+            mounting=_mounting(),
+            beacon_std_m=BEACON_STD_M,
+            beacon_depth_std_m=BEACON_STD_M,
+            sound_speed_fixed=True,
+        )
     )
 
 
@@ -78,7 +87,7 @@ def acoustic_dive(seed: int, errors: PingErrors | None = None, smooth: bool = Fa
         seed,
         figures(dive, run.causal, run.origin_deg),
         None if run.smoothed is None else figures(dive, run.smoothed, run.origin_deg),
-        dive_bound_m(dive, (errors or PingErrors()).direction_rad),
+        dive_bound_m(dive, (errors or ERRORS).direction_rad),
         heard.accepted,
         heard.rejected,
         heard.nis / max(heard.dof, 1),
@@ -90,7 +99,7 @@ def pings_of(dive: Dive, seed: int, errors: PingErrors | None = None) -> Iterato
     latitude_deg, longitude_deg, _ = LocalFrame(*dive.truth.origin_deg).to_geodetic(*BEACON_NED_M[:2])
     plan = PingPlan(BEACON_NED_M, EVERY_S, largest_range_m=110.0)
     stated = (latitude_deg, longitude_deg, BEACON_NED_M[2])
-    return SimulatedPings(dive.truth, plan, ARRAY, _mounting(), stated, seed, errors).reports()
+    return SimulatedPings(dive.truth, plan, ARRAY, _mounting(), stated, seed, errors or ERRORS).reports()
 
 
 def merged(records: Sequence[Record], others: Iterable[Record]) -> Iterator[Record]:

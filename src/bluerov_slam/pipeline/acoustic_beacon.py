@@ -54,6 +54,10 @@ class Beacons:
         if report.latitude_deg is not None and report.longitude_deg is not None:
             self._report, self._heard_s = report, message.arrived_s
 
+    def forget(self) -> None:
+        """What was said came from another transmitter."""
+        self._report, self._heard_s = None, -math.inf
+
     def at(self, now_s: float) -> Beacon | None:
         """The place at an instant; None while nobody has told it."""
         options, report = self._options, self._report

@@ -94,6 +94,24 @@ def _silent(reading: TimeDifferenceReading) -> dict[int, str]:
     }
 
 
+def with_model_errors(
+    differences: TimeDifferences, options: AcousticOptions, sound_speed_mps: float, sound_speed_std: float
+) -> TimeDifferences:
+    """Delays that are as unsure as the sound speed (relative) and the receivers' places, too.
+
+    Where the receivers stand in space, every direction has a vector of length one: half a percent of sound speed then
+    contradicts good delays by several times their timing error.
+    """
+    delays = differences.delays_s
+    place_s = options.place_std_m / sound_speed_mps
+    covariance = (
+        differences.covariance_s2
+        + sound_speed_std**2 * np.outer(delays, delays)
+        + place_s**2 * (np.eye(len(delays)) + 1.0)
+    )
+    return replace(differences, covariance_s2=covariance)
+
+
 def with_slips(differences: TimeDifferences, options: AcousticOptions, sound_speed_mps: float) -> TimeDifferences:
     """Ask which receivers may be wrong by one period of the carrier: as far as one source contradicts it."""
     delays = differences.delays_s

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bluerov_slam.acoustics.array import rank_of
 from bluerov_slam.acoustics.position import AcousticSolution, solve_source
 from bluerov_slam.navigation.local_frame import LocalFrame
 from bluerov_slam.navigation.rotation import exp_so3, rotation_from_quaternion
+from bluerov_slam.pipeline.acoustic_callers import Expected
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,6 +42,9 @@ class Pose:
     rate_frd: Array
     depth_m: float | None
     depth_std_m: float | None
+    origin_deg: tuple[float, float] | None = None
+    position_ned_m: tuple[float, float, float] | None = None
+    position_std_m: float = math.inf  # level, both axes together
 
 
 class Poses:
@@ -66,6 +71,9 @@ class Poses:
                 np.zeros(3) if known is None else np.array(known),
                 state.depth_m,
                 state.depth_std_m,
+                state.origin_deg,
+                state.position_ned_m,
+                math.sqrt(max(0.0, float(state.pose_covariance[:2, :2].trace()))),
             )
         )
         while poses[0].measured_s < state.measured_s - KEPT_S:
@@ -79,13 +87,10 @@ class Poses:
         ahead_s = measured_s - nearest.measured_s
         if abs(ahead_s) > LARGEST_GAP_S:
             return None
-        return Pose(
-            measured_s,
-            nearest.rotation_ned_frd @ exp_so3(nearest.rate_frd * ahead_s),
-            nearest.rotation_covariance,
-            nearest.rate_frd,
-            nearest.depth_m,
-            nearest.depth_std_m,
+        return replace(
+            nearest,
+            measured_s=measured_s,
+            rotation_ned_frd=nearest.rotation_ned_frd @ exp_so3(nearest.rate_frd * ahead_s),
         )
 
 
@@ -113,7 +118,15 @@ class Placed:
 def solve_direction(differences: TimeDifferences, options: AcousticOptions, sound_speed_mps: float) -> AcousticSolution:
     """From the delays alone, in the array's frame."""
     receivers = options.array.subset(differences.receivers.tolist())
-    return solve_source(receivers, differences.delays_s, differences.covariance_s2, sound_speed_mps)
+    delays, covariance = differences.delays_s, differences.covariance_s2
+    if len(receivers) > 4 or rank_of(receivers) < 3:
+        return solve_source(receivers, delays, covariance, sound_speed_mps)
+    # Four in space have one direction and one bend of the wave for any delays, and a wrong sound speed would be taken
+    # for a source at arm's length, tens of degrees off.
+    far = 10.0 * options.nearest_m
+    found = solve_source(receivers, delays, covariance, sound_speed_mps, range_=(far, 0.3 * far))
+    reason = "the delays do not fit one source" if found.reason else ""
+    return replace(found, position_m=None, covariance_m2=None, reason=reason)
 
 
 def direction_of(solution: AcousticSolution, options: AcousticOptions) -> Direction:
@@ -170,6 +183,22 @@ def place(
     own = np.diag((beacon.std_m**2, beacon.std_m**2, 0.0))
     covariance = found.covariance_m2 + own
     return Placed(range_m, range_std_m, (latitude_deg, longitude_deg), covariance, residuals_s=found.residuals_s)
+
+
+def expected_of(pose: Pose, beacon: Beacon | None, options: AcousticOptions) -> Expected | None:
+    """Where the transmitter should be by what the navigator holds of the vehicle; None where that is not known."""
+    if beacon is None or beacon.depth_m is None or pose.origin_deg is None or pose.position_ned_m is None:
+        return None
+    north_m, east_m, _ = LocalFrame(*pose.origin_deg).to_ned_m(beacon.latitude_deg, beacon.longitude_deg)
+    depth_m = pose.position_ned_m[2] if pose.depth_m is None else pose.depth_m
+    array_m = np.array((*pose.position_ned_m[:2], depth_m)) + pose.rotation_ned_frd @ options.mounting.lever_arm_frd_m
+    way_m = np.array((north_m, east_m, beacon.depth_m)) - array_m
+    range_m = float(np.linalg.norm(way_m))
+    if range_m < options.nearest_m:
+        return None
+    place = (pose.position_std_m**2 + beacon.std_m**2) / range_m**2
+    std_rad = math.sqrt(place + max(0.0, float(pose.rotation_covariance.trace())) + options.direction_std_rad**2)
+    return Expected(way_m / range_m, std_rad)
 
 
 NO_BEACON: Final = "no position: the transmitter's place is not known; set acoustics.beacon"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
+
+from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT, WRONG_TEXT
 
 if TYPE_CHECKING:
     from bluerov_slam.records import AcousticFix
@@ -17,9 +18,6 @@ REMEMBERED_S: Final = 15.0
 REMEMBERED: Final = 40
 # What one pulse says may be chance; most of the last ones are not.
 RECENT: Final = 5
-# Directions that change back and forth by more than this between pulses are two transmitters, or one and its echo.
-APART_RAD: Final = math.radians(12.0)
-TURNS: Final = 4
 
 
 class AcousticState(StrEnum):
@@ -78,16 +76,17 @@ class AcousticWatch:
         silent_s = now_s - newest.arrived_s
         if silent_s > NO_PULSES_S:
             return AcousticWords(AcousticState.FAULT, f"No pulses for {_duration(silent_s)}", _CHECKS)
-        recent = list(self._fixes)[-RECENT:]
-        if self.hears_two():
-            return AcousticWords(
-                AcousticState.FAULT,
-                "The direction jumps between two places",
-                "Two transmitters are on, or a strong echo comes from a wall: switch one off, or move away from it.",
-            )
+        others = sum(fix.reason == OTHER_TEXT for fix in self._fixes)
+        recent = [fix for fix in self._fixes if fix.reason != OTHER_TEXT][-RECENT:]
         bad = [fix for fix in recent if not fix.accepted]
         if len(bad) > len(recent) // 2:
             return AcousticWords(AcousticState.FAULT, *_rejected(bad[-1]))
+        if others >= RECENT - 1:
+            return AcousticWords(
+                AcousticState.WARN,
+                "Two transmitters are heard; the one where ours should be is used",
+                "Switch the other one off, or move away from it.",
+            )
         if (faulty := _faulty_receiver(recent)) is not None:
             return AcousticWords(AcousticState.WARN, *faulty)
         if newest.range_m is None and newest.reason:
@@ -97,26 +96,6 @@ class AcousticWatch:
         if newest.position_deg is None:
             return AcousticWords(AcousticState.OK, "Heard; direction and range are known")
         return AcousticWords(AcousticState.OK, "Heard; the position rests on its direction and the depth")
-
-    def hears_two(self) -> bool:
-        """Whether the direction goes to and fro between two places: two transmitters, or one and its echo."""
-        directions = [
-            (fix.azimuth_rad, fix.elevation_rad)
-            for fix in self._fixes
-            if fix.azimuth_rad is not None and fix.elevation_rad is not None
-        ]
-        if len(directions) < TURNS + 2:
-            return False
-        turns = 0
-        for before, here, after in zip(directions, directions[1:], directions[2:], strict=False):
-            turns += _apart(before, here) > APART_RAD and _apart(before, after) < 0.5 * APART_RAD
-        return turns >= TURNS
-
-
-def _apart(first: tuple[float, float], second: tuple[float, float]) -> float:
-    (a, b), (c, d) = first, second
-    dot = math.cos(b) * math.cos(d) * math.cos(a - c) + math.sin(b) * math.sin(d)
-    return math.acos(min(1.0, max(-1.0, dot)))
 
 
 def _faulty_receiver(recent: list[AcousticFix]) -> tuple[str, str] | None:
@@ -135,6 +114,12 @@ def _faulty_receiver(recent: list[AcousticFix]) -> tuple[str, str] | None:
 
 
 _REJECTION_CURES: Final = (
+    (TWO_TEXT, "Switch one of them off, or dive further from it; the position is held without the sound meanwhile."),
+    (PLACES_TEXT, "Two transmitters are on, or a strong echo comes from a wall: switch one off, or move away from it."),
+    (
+        WRONG_TEXT,
+        "Another transmitter is heard, or a setting is wrong: its place, the array's mounting, the receivers' order.",
+    ),
     ("no receiver heard", "Come nearer, or check the transmitter and its battery."),
     ("only ", "See which receivers are marked below and check their cables."),
     (

@@ -17,10 +17,16 @@ from bluerov_slam.acoustics.message.demodulation import demodulate
 from bluerov_slam.acoustics.receiver_faults import SwapWatch
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.pipeline.acoustic_beacon import Beacons
-from bluerov_slam.pipeline.acoustic_delays import count_mismatch, differences_of, with_slips
+from bluerov_slam.pipeline.acoustic_callers import TWO_TEXT, Callers
+from bluerov_slam.pipeline.acoustic_delays import (
+    count_mismatch,
+    differences_of,
+    with_model_errors,
+    with_slips,
+)
 from bluerov_slam.pipeline.acoustic_options import AcousticOptions
-from bluerov_slam.pipeline.acoustic_position import Poses, direction_of, place, solve_direction
-from bluerov_slam.pipeline.acoustic_watch import AcousticWatch
+from bluerov_slam.pipeline.acoustic_order import OrderWatch
+from bluerov_slam.pipeline.acoustic_position import Poses, direction_of, expected_of, place, solve_direction
 from bluerov_slam.records import (
     AcousticFix,
     AcousticMessage,
@@ -38,6 +44,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bluerov_slam.acoustics.time_differences.result import TimeDifferences
+    from bluerov_slam.pipeline.acoustic_position import Pose
     from bluerov_slam.records import Record
 
     Array = NDArray[np.float64]
@@ -62,9 +69,10 @@ AMBIGUOUS: Final = 0.2
 # A CTD that was silent for longer may have been in other water.
 SOUND_SPEED_KEPT_S: Final = 600.0
 SOUND_SPEEDS_MPS: Final = (300.0, 1700.0)
+# Sea water has 1450 to 1550 m/s: what a setting that nobody measures may be off by, relative, one sigma.
+UNMEASURED_SPEED_STD: Final = 0.01
 AMBIGUOUS_TEXT: Final = "a receiver may be wrong by one period of the carrier, and nothing tells which"
-
-TWO_TEXT: Final = "the direction jumps between two places: two transmitters, or one and its echo"
+EXCHANGED_CURE: Final = "check the order of their plugs and of acoustics.places_m"
 
 Heard = AcousticFix | AcousticMessage
 
@@ -78,7 +86,9 @@ class AcousticPipeline:
         self._beacons = Beacons(self.options)
         self._sound_speed: tuple[float, float] | None = None
         self._swaps = SwapWatch(self.options.array)
-        self._watch = AcousticWatch()
+        self._order = OrderWatch(self.options.array)
+        self._callers = Callers()
+        self._message: AcousticMessage | None = None
         self._judged_s: deque[float] = deque(maxlen=PULSES_KEPT)
 
     def observe(self, state: NavState) -> None:
@@ -96,7 +106,7 @@ class AcousticPipeline:
         if isinstance(record, CtdSample):
             self._on_ctd(record)
         elif isinstance(record, AcousticMessage):
-            self._beacons.hear(record)
+            self._hear(record)
         return []
 
     def _safely(
@@ -110,12 +120,14 @@ class AcousticPipeline:
             return replace(base, reason=f"this pulse cannot be evaluated ({error})")
 
     def _new(self, fix: AcousticFix) -> list[Heard]:
-        self._watch.observe(fix)
-        if fix.accepted and self._watch.hears_two():
+        held = self._held_back(fix)
+        if held:
+            # Its alternatives go, too: the navigator would try them.
             fix = replace(
                 fix,
                 accepted=False,
-                reason=TWO_TEXT,
+                reason=held,
+                alternatives=(),
                 range_m=None,
                 range_std_m=None,
                 position_deg=None,
@@ -124,6 +136,52 @@ class AcousticPipeline:
         if fix.accepted:
             self._judged_s.append(fix.measured_s)
         return [fix]
+
+    def _held_back(self, fix: AcousticFix) -> str:
+        """Why a pulse that may be sound in itself is not ours to use; empty: it is."""
+        if fix.azimuth_rad is None or fix.elevation_rad is None:
+            return TWO_TEXT if self._callers.two and fix.alternatives else ""
+        options, pose = self.options, self._poses.at(fix.measured_s)
+        level = math.cos(fix.elevation_rad)
+        direction = np.array(
+            (level * math.cos(fix.azimuth_rad), level * math.sin(fix.azimuth_rad), math.sin(fix.elevation_rad))
+        )
+        expected = None
+        if pose is not None:
+            direction = pose.rotation_ned_frd @ direction
+            expected = expected_of(pose, self._beacons.at(fix.arrived_s), options)
+            if pairs := self._exchanged(fix, pose):
+                names = " or ".join(f"{first} and {second}" for first, second in pairs)
+                return f"receivers {names} seem exchanged; {EXCHANGED_CURE}"
+        message = self._message
+        if message is not None and abs(message.measured_s - fix.measured_s) > SAME_PULSE_S:
+            message = None
+        callers = self._callers
+        was = callers.ours
+        held = callers.hear(fix.measured_s, direction, pose is not None, fix.range_m, expected, message)
+        if callers.ours is not None and (callers.ours is not was or message is not None):
+            self._beacons.forget()
+            if callers.ours.message is not None:
+                self._beacons.hear(callers.ours.message)
+        return held
+
+    def _exchanged(self, fix: AcousticFix, pose: Pose) -> tuple[tuple[int, int], ...]:
+        """Receivers on opposite corners whose exchange the directions betray."""
+        array = self.options.array
+        if len(fix.receivers) != len(array) or self._callers.two:
+            return ()
+        arrivals_s = np.zeros(len(array))
+        arrivals_s[list(fix.receivers[1:])] = -np.array(fix.delays_s)
+        return self._order.hear(
+            arrivals_s * fix.sound_speed_mps,
+            pose.rotation_ned_frd @ self.options.mounting.rotation_frd_array,
+        )
+
+    def _hear(self, message: AcousticMessage) -> None:
+        """Whose message this is, its pulse will tell where there are two."""
+        self._message = message
+        if not self._callers.two:
+            self._beacons.hear(message)
 
     def _is_judged(self, measured_s: float) -> bool:
         """Whether delays of this pulse were taken already: its record would only say the same once more."""
@@ -144,7 +202,7 @@ class AcousticPipeline:
         swapped = self._swaps.hear(arrivals_s, base.sound_speed_mps)
         if swapped is not None:
             what, _, _ = swapped.text.partition(":")  # its figures change with every pulse
-            return replace(base, reason=f"{what}; check the order of their plugs and of acoustics.places_m")
+            return replace(base, reason=f"{what}; {EXCHANGED_CURE}")
         found = differences_of(reading, self.options, base.sound_speed_mps)
         return replace(base, reason=found) if isinstance(found, str) else self._judged(base, found)
 
@@ -180,7 +238,7 @@ class AcousticPipeline:
             return []
         measured_s = record.measured_s + frame.start_s
         message = AcousticMessage(measured_s, record.arrived_s, min(frame.corrected_errors, 255), frame.payload)
-        self._beacons.hear(message)
+        self._hear(message)
         return [message]
 
     def _nothing(self, measured_s: float, arrived_s: float) -> AcousticFix:
@@ -196,18 +254,29 @@ class AcousticPipeline:
             beacon_source=None if beacon is None else beacon.source,
         )
 
-    def _speed(self, now_s: float) -> float:
+    def _measured_speed(self, now_s: float) -> float | None:
+        """What the CTD told of late."""
         if not self.options.sound_speed_fixed and self._sound_speed is not None:
             speed, heard_s = self._sound_speed
             if now_s - heard_s <= SOUND_SPEED_KEPT_S:
                 return speed
-        return self.options.sound_speed_mps
+        return None
+
+    def _speed(self, now_s: float) -> float:
+        speed = self._measured_speed(now_s)
+        return self.options.sound_speed_mps if speed is None else speed
+
+    def _speed_std(self, now_s: float) -> float:
+        """Relative."""
+        return UNMEASURED_SPEED_STD if self._measured_speed(now_s) is None else self.options.sound_speed_std
 
     def _judged(self, base: AcousticFix, differences: TimeDifferences) -> AcousticFix:
         options, speed = self.options, base.sound_speed_mps
         base = replace(base, snr_db=_known(differences.snr_db), excluded=differences.excluded)
         if len(differences.receivers) < 3:
             return replace(base, reason=_too_few(differences))
+        timing_s2 = differences.covariance_s2
+        differences = with_model_errors(differences, options, speed, self._speed_std(base.arrived_s))
         if math.isnan(differences.slip_probability):
             differences = with_slips(differences, options, speed)
         slip = differences.slip_probability
@@ -217,7 +286,7 @@ class AcousticPipeline:
             reason=solution.reason,
             receivers=tuple(differences.receivers.tolist()),
             delays_s=tuple(differences.delays_s.tolist()),
-            delay_covariance_s2=_rows(differences.covariance_s2),
+            delay_covariance_s2=_rows(timing_s2),  # the filter has states of its own for the rest
             slip_probability=None if math.isnan(slip) else slip,
             alternatives=tuple((tuple(delays.tolist()), share) for delays, share in differences.alternatives),
         )

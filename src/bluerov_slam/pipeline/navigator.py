@@ -244,7 +244,7 @@ class Navigator:
         }
         self._acoustics: AcousticIntake | None = None
         if options.acoustics is not None:
-            self._acoustics = AcousticIntake(core, self._positions, options.acoustics)
+            self._acoustics = AcousticIntake(core, self._positions, options.acoustics, self._depth)
             self._handlers[AcousticFix] = self._on_acoustics
 
     def _read(self, saved: SavedNavigation | Mapping[str, Any] | None) -> SavedNavigation | None:

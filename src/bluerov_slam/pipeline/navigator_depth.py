@@ -77,6 +77,11 @@ class DepthIntake:
             return self._options.zeroed_bias_std_m
         return self._options.bias_std_m if self.zeroed_itself else self._options.unzeroed_bias_std_m
 
+    @property
+    def zeroed_afloat(self) -> bool:
+        """Whether the zero was taken unasked, from a pressure at the start: the sensor may have been under water."""
+        return self.zeroed_itself and not self.zeroed_by_user
+
     def scale_std_m(self, depth: float) -> float:
         """What an unknown density does to a depth."""
         return self._relative_std * abs(depth)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING
+from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING, WANDER
 from bluerov_slam.navigation.rotation import quaternion_from_rotation
 from bluerov_slam.pipeline.navigator_commands import SavedNavigation
 from bluerov_slam.pipeline.navigator_start import (
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LEAST_ADDED_M = 1.0
 # What the filter estimates only with an acoustic array.
-OPTIONAL = frozenset((MOUNTING, BEACON, "sound_speed_scale"))
+OPTIONAL = frozenset((MOUNTING, WANDER, BEACON, "sound_speed_scale"))
 
 
 def save(core: Core, surface_pressure_pa: float | None, distance_m: float) -> SavedNavigation:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING
+from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING, WANDER
 from bluerov_slam.navigation.attitude.initial import initial_attitude
 from bluerov_slam.navigation.ekf import ErrorStateFilter
 from bluerov_slam.navigation.process import Earth, ProcessNoise
 from bluerov_slam.navigation.rotation import rotation_from_euler, rotation_from_quaternion
 from bluerov_slam.navigation.state import NavEstimate, StateLayout
+from bluerov_slam.pipeline.acoustic_options import AcousticOptions
 from bluerov_slam.pipeline.navigator_fix import FIX_WANDER
 from bluerov_slam.pipeline.navigator_words import Fault
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from bluerov_slam.navigation.attitude.calibration import Calibration
     from bluerov_slam.navigation.measurements import SensorAngles
     from bluerov_slam.navigation.process import ImuSample
-    from bluerov_slam.pipeline.acoustic_options import AcousticOptions
     from bluerov_slam.pipeline.navigator_options import NavigatorOptions
 
     Array = NDArray[np.float64]
@@ -54,18 +54,26 @@ class NavigatorNoise(ProcessNoise):
     """
 
     fix_wander_time_s: float = 30.0
+    direction_wander_std_rad: float = 0.0
+    direction_wander_time_s: float = 300.0
 
     def wanders(self) -> tuple[tuple[str, float, float], ...]:
         """Gauss-Markov blocks: name, standard deviation at rest, correlation time in seconds."""
         # The base class is named: a class with slots is made anew by `dataclass`, so that super() would not find it.
-        return (*ProcessNoise.wanders(self), (FIX_WANDER, 1.0, self.fix_wander_time_s))
+        return (
+            *ProcessNoise.wanders(self),
+            (FIX_WANDER, 1.0, self.fix_wander_time_s),
+            (WANDER, self.direction_wander_std_rad, self.direction_wander_time_s),
+        )
 
 
 _EXTRA = ((FIX_WANDER, 2), (THRUSTER_FIELD, 2))
 LAYOUT = StateLayout.make(without=("sound_speed_scale",), extra=_EXTRA)
 """No ranges are measured yet, so the sound speed's scale is left out."""
-ACOUSTIC_LAYOUT = StateLayout.make(extra=(*_EXTRA, (MOUNTING, 3), (BEACON, 3)))
-"""With an acoustic array, how it is really mounted and where the transmitter really is are states."""
+ACOUSTIC_LAYOUT = StateLayout.make(extra=(*_EXTRA, (MOUNTING, 3), (WANDER, 3), (BEACON, 3)))
+"""With an acoustic array, how it is really mounted, what turns its directions for minutes and where the transmitter
+really is are states.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +143,7 @@ def mounting_fault(force_frd_mps2: Array) -> Fault | None:
 def process_noise(options: NavigatorOptions) -> NavigatorNoise:
     """The options' figures as the filter names them."""
     imu, compass, gps, thrust, fix = options.imu, options.compass, options.gps, options.thrust, options.fix
+    acoustics = options.acoustics or AcousticOptions()
     return NavigatorNoise(
         accel_noise_mps_per_sqrt_s=imu.accelerometer_noise_mps2,
         gyro_noise_rad_per_sqrt_s=imu.gyro_noise_radps,
@@ -151,7 +160,8 @@ def process_noise(options: NavigatorOptions) -> NavigatorNoise:
         dvl_scale_walk_per_sqrt_s=options.dvl.walk,
         dvl_yaw_walk_rad_per_sqrt_s=options.dvl.walk,
         fix_wander_time_s=fix.wander_time_s,
-        extra_walks=() if options.acoustics is None else ((MOUNTING, options.acoustics.mounting_walk_rad),),
+        direction_wander_std_rad=acoustics.wander_std_rad,
+        direction_wander_time_s=acoustics.wander_time_s,
     )
 
 
@@ -224,6 +234,7 @@ def _acoustic_std(options: AcousticOptions | None) -> dict[str, float | tuple[fl
         return {}
     return {
         MOUNTING: options.mounting_std_rad,
+        WANDER: options.wander_std_rad,
         BEACON: (options.beacon_std_m, options.beacon_std_m, options.beacon_depth_std_m),
         "sound_speed_scale": options.sound_speed_std,
     }

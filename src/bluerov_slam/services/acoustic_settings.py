@@ -25,7 +25,12 @@ def acoustic_options(settings: Settings) -> AcousticOptions | None:
     if acoustics.array == "places":
         array = ReceiverArray(np.array(acoustics.receiver_places_m), skew_s, "acoustics.places_m")
     else:
-        array = ReceiverArray.cross(acoustics.arm_m, acoustics.array == "cross_with_centre", skew_s)
+        array = ReceiverArray.cross(
+            acoustics.arm_m,
+            acoustics.array == "cross_with_centre",
+            skew_s,
+            stalk=acoustics.array == "cross_with_stalk",
+        )
     roll, pitch, yaw = map(math.radians, acoustics.mounting_rpy_deg)
     return AcousticOptions(
         array=array,

@@ -11,6 +11,7 @@ import orjson
 from bluerov_slam.acoustics.message.report import BeaconReport, MessageContentError
 from bluerov_slam.config import Settings
 from bluerov_slam.navigation.local_frame import LocalFrame
+from bluerov_slam.pipeline.acoustic_callers import HELD_TEXTS
 from bluerov_slam.pipeline.acoustic_watch import (
     NAVIGATION_OFF,
     NOT_DESCRIBED,
@@ -70,7 +71,7 @@ class AcousticsService:
         self._message: AcousticMessage | None = None
         self._heard_s = -math.inf
         self._origin_deg: tuple[float, float] | None = None
-        self._counts = {"pings": 0, "rejected": 0, "missing_samples": 0}
+        self._counts = {"pings": 0, "rejected": 0, "held_back": 0, "missing_samples": 0}
         self._told: AcousticWords | None = None
         self._since: tuple[AcousticWords, float] | None = None
         hub.subscribe(self._on_fix, AcousticFix, name="acoustics")
@@ -165,6 +166,7 @@ class AcousticsService:
             **self.input.counters(),
             "acoustics_pings": self._counts["pings"],
             "acoustics_rejected": self._counts["rejected"],
+            "acoustics_held_back": self._counts["held_back"],
         }
 
     def _on_fix(self, fix: AcousticFix) -> None:
@@ -173,6 +175,7 @@ class AcousticsService:
         self._fix = fix
         self._counts["pings"] += 1
         self._counts["rejected"] += not fix.accepted
+        self._counts["held_back"] += fix.reason in HELD_TEXTS
         self._watch.observe(fix)
         self.publish()
 

@@ -41,7 +41,7 @@ class PingErrors:
     echo_share: float = 0.05
     timing_s: float = 0.8e-6
     sound_speed_share: float = 1.5e-3
-    beacon_m: float = 0.0  # of the stated place, each level axis
+    beacon_m: float = 0.0  # of the stated place, each axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class SimulatedPings:
         plan, errors, random = self._plan, self._errors, self._random
         times = np.arange(self._truth.track_start_s + 0.4 * plan.every_s, self._truth.end_s - 1.0, plan.every_s)
         track = self._truth.track(times)
-        beacon = np.array(plan.beacon_ned_m) + np.append(errors.beacon_m * random.standard_normal(2), 0.0)
+        beacon = np.array(plan.beacon_ned_m) + errors.beacon_m * random.standard_normal(3)
         speed = plan.sound_speed_mps
         stated_speed = speed * (1.0 + errors.sound_speed_share * random.standard_normal())
         misaligned = _turn(errors.mounting_rad * random.standard_normal(3))

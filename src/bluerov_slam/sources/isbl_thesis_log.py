@@ -15,6 +15,7 @@ import tarfile
 from collections import Counter
 from dataclasses import dataclass, field
 from enum import StrEnum
+from io import BytesIO
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -59,12 +60,30 @@ class ThesisLogs:
 
 def read_thesis_logs(path: Path) -> ThesisLogs:
     """All logs of a folder or of a tar archive. Raises RecordingError when there is none or one cannot be read."""
-    found = ThesisLogs()
-    for name, text in sorted(_texts(path)):
-        found.logs.append(parse_thesis_log(name, text, found.census))
-    if not found.logs:
-        raise RecordingError(f"{path}: no log of the thesis in it (expected names like test_x1426_y0_z-694_s{_SUFFIX})")
-    return found
+    try:
+        if path.is_dir():
+            files = path.glob(f"*{_SUFFIX}")
+            return _parsed([(file.stem, file.read_bytes().decode("latin-1")) for file in files], str(path))
+        content = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read as logs of the thesis: {error}") from error
+    return read_thesis_archive(content, str(path))
+
+
+def read_thesis_archive(content: bytes, name: str = "the archive") -> ThesisLogs:
+    """All logs of a tar archive's bytes; `name` is for the same errors."""
+    try:
+        with tarfile.open(fileobj=BytesIO(content)) as archive:
+            members = [member for member in archive if member.isfile() and member.name.endswith(_SUFFIX)]
+            texts = [
+                # Bytes of garbage become characters one by one.
+                (PurePosixPath(member.name).stem, file.read().decode("latin-1"))
+                for member in members
+                if (file := archive.extractfile(member)) is not None
+            ]
+    except (OSError, tarfile.TarError) as error:
+        raise RecordingError(f"{name}: cannot be read as logs of the thesis: {error}") from error
+    return _parsed(texts, name)
 
 
 def parse_thesis_log(name: str, text: str, census: Counter[LineKind]) -> ThesisLog:
@@ -139,17 +158,13 @@ def _kind_of(line: str) -> tuple[LineKind, re.Match[str] | None]:
     return (LineKind.BOOT if _BOOT.match(line) else LineKind.GARBAGE), None
 
 
-def _texts(path: Path) -> list[tuple[str, str]]:
-    """(name without suffix, text) of every log; bytes of garbage become characters one by one."""
-    try:
-        if path.is_dir():
-            return [(file.stem, file.read_bytes().decode("latin-1")) for file in path.glob(f"*{_SUFFIX}")]
-        with tarfile.open(path) as archive:
-            members = [member for member in archive if member.isfile() and member.name.endswith(_SUFFIX)]
-            return [
-                (PurePosixPath(member.name).stem, content.read().decode("latin-1"))
-                for member in members
-                if (content := archive.extractfile(member)) is not None
-            ]
-    except (OSError, tarfile.TarError) as error:
-        raise RecordingError(f"{path}: cannot be read as logs of the thesis: {error}") from error
+def _parsed(texts: list[tuple[str, str]], place: str) -> ThesisLogs:
+    """From (name without suffix, text) of every log."""
+    found = ThesisLogs()
+    for name, text in sorted(texts):
+        found.logs.append(parse_thesis_log(name, text, found.census))
+    if not found.logs:
+        raise RecordingError(
+            f"{place}: no log of the thesis in it (expected names like test_x1426_y0_z-694_s{_SUFFIX})"
+        )
+    return found

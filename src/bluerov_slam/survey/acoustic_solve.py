@@ -20,6 +20,10 @@ from bluerov_slam.pipeline.acoustics import MESSAGE_RECORD_S
 from bluerov_slam.records import AcousticRecord
 
 Array = NDArray[np.float64]
+
+_PER_LOBE, _MOST_FINER = 8, 12
+"""Directions looked at in each lobe of the carrier, and the most of them in a cell of the map, along a side."""
+_LAG_STEP_S = 0.2e-6
 AXES = {"down": (0.0, 0.0, 1.0), "forward": (1.0, 0.0, 0.0)}
 
 
@@ -168,9 +172,26 @@ def angles_deg(direction: Array) -> tuple[float, float]:
     return math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y)))
 
 
-def steered_surface(solved: SolvedRecord, options: SolveOptions, steps: int = 161) -> tuple[Array, Array] | None:
-    """How well all receivers agree for every direction in front: direction cosines (steps,) right and down, and the
-    coherence (steps, steps) with down along the rows, NaN beyond the half sphere. None without usable receivers.
+@dataclass(frozen=True)
+class SteeredSurface:
+    """How well all receivers agree for directions in front: `agreement` (down, right), NaN beyond the half sphere, over
+    direction cosines; 1: as if all heard the very same pulse."""
+
+    right: Array
+    down: Array
+    agreement: Array
+
+
+def steered_surface(
+    solved: SolvedRecord,
+    options: SolveOptions,
+    steps: int = 161,
+    centre: tuple[float, float] = (0.0, 0.0),
+    half_width: float = 1.0,
+) -> SteeredSurface | None:
+    """Around direction cosines (right, down) of `centre`, `steps` a side. None without usable receivers.
+
+    The lobes of the carrier are much finer than such a map: each of its cells shows the best within it.
     """
     found, record = solved.differences, solved.record
     if found is None or len(found.receivers) < 2:
@@ -179,24 +200,31 @@ def steered_surface(solved: SolvedRecord, options: SolveOptions, steps: int = 16
     samples = record.samples[used].astype(np.float64)
     spectra = BandSpectra.of(samples - samples.mean(axis=1, keepdims=True), record.sample_rate_hz)
     values = spectra.values / np.sqrt((np.abs(spectra.values) ** 2).sum(axis=1, keepdims=True))
-    cosines = np.linspace(-1.0, 1.0, steps)
-    right, down = np.meshgrid(cosines, cosines)
-    ahead = np.sqrt(np.maximum(1.0 - right**2 - down**2, 0.0))
-    directions = np.stack((ahead, right, down), axis=-1)
     places, skew = options.array.positions_m[used], options.array.sample_skew_s[used]
+    aperture_m = float(np.linalg.norm(places[:, None] - places[None, :], axis=2).max())
+    lobe = options.sound_speed_mps / (float(spectra.frequencies_hz.max()) * aperture_m)
+    cell = 2.0 * half_width / steps
+    finer = min(_MOST_FINER, math.ceil(cell * _PER_LOBE / lobe))
+    offsets = half_width * ((2.0 * np.arange(steps * finer) + 1.0) / (steps * finer) - 1.0)
+    right, down = np.meshgrid(centre[0] + offsets, centre[1] + offsets)
+    ahead = np.sqrt(np.maximum(1.0 - right**2 - down**2, 0.0))
     # A receiver nearer to the source hears it earlier, and one sampled later shows it earlier in its record.
-    arrivals = -(directions @ places.T) / options.sound_speed_mps - skew
-    surface = np.empty((steps, steps))
-    for row in range(steps):
-        turned = np.exp(2j * np.pi * arrivals[row][:, :, None] * spectra.frequencies_hz)
-        surface[row] = np.sum(np.abs(np.einsum("sif,if->sf", turned, values)) ** 2, axis=1) / len(used) ** 2
-    surface[right**2 + down**2 > 1.0] = np.nan
-    return cosines, surface * len(used) / _norm(values, len(used))
-
-
-def _norm(values: NDArray[np.complex128], count: int) -> float:
-    """So that receivers that hear the very same pulse give 1."""
-    return float(count * np.mean((np.abs(values) ** 2).sum(axis=1)))
+    arrivals = [
+        -(ahead * x + right * y + down * z) / options.sound_speed_mps - late
+        for (x, y, z), late in zip(places, skew, strict=True)
+    ]
+    agreement = np.full(right.shape, 1.0)  # of each receiver with itself, summed
+    limit_s = aperture_m / options.sound_speed_mps + float(np.ptp(skew)) + _LAG_STEP_S
+    lags_s = np.arange(-limit_s, limit_s + _LAG_STEP_S, _LAG_STEP_S)
+    turns = np.exp(2j * np.pi * lags_s[:, None] * spectra.frequencies_hz)
+    for i in range(len(used)):
+        for j in range(i + 1, len(used)):
+            correlation = (turns @ (values[i] * np.conj(values[j]))).real
+            agreement += 2.0 / len(used) * np.interp(arrivals[i] - arrivals[j], lags_s, correlation)
+    agreement[right**2 + down**2 > 1.0] = -np.inf
+    best = (agreement / len(used)).reshape(steps, finer, steps, finer).max(axis=(1, 3))
+    middles = half_width * ((2.0 * np.arange(steps) + 1.0) / steps - 1.0)
+    return SteeredSurface(centre[0] + middles, centre[1] + middles, np.where(np.isfinite(best), best, np.nan))
 
 
 def pair_correlations(solved: SolvedRecord, options: SolveOptions) -> list[tuple[int, int, Array, Array]]:

@@ -14,6 +14,7 @@ from bluerov_slam import __version__
 from bluerov_slam.survey.acoustic_solve import (
     SolvedRecord,
     SolveOptions,
+    SteeredSurface,
     pair_correlations,
     solved_json,
     steered_surface,
@@ -22,6 +23,8 @@ from bluerov_slam.survey.plot_style import STYLE, as_svg
 from bluerov_slam.survey.report_page import page_html
 
 MOST_FIGURES = 8
+_CLOSE = 0.1
+"""Direction cosines to each side of the direction found."""
 
 
 def solve_report(name: str, solved: Sequence[SolvedRecord], options: SolveOptions) -> str:
@@ -79,9 +82,10 @@ def _figures(number: int, solved: SolvedRecord, options: SolveOptions) -> str:
         drawing = _draw(solved, options)
         text = "" if drawing is None else as_svg(drawing)
     caption = (
-        "Left: the records. Middle: how well all receivers agree for a pulse from every direction in front of the "
-        "array (1: as one); the cross is the direction found, the dot its mirror image where there is one. Right: "
-        "correlation of the reference with each other receiver within what the array allows, and the delays found."
+        "Above: the records, and the correlation of the reference with each other receiver within what the array "
+        "allows. Below: how well all receivers agree for a pulse from every direction in front of the array (1: as "
+        "one), each dot the best of the directions it stands for; the cross is the direction found, the dot its mirror "
+        "image where there is one. Beside it the same close up: neighbouring peaks are slips by carrier periods."
     )
     return (
         f"<h2>Record {solved.record.record_id or number}</h2><figure>{text}<figcaption>{caption}</figcaption></figure>"
@@ -89,25 +93,25 @@ def _figures(number: int, solved: SolvedRecord, options: SolveOptions) -> str:
 
 
 def _draw(solved: SolvedRecord, options: SolveOptions) -> Figure | None:
-    surface = steered_surface(solved, options)
-    if surface is None:
+    wide = steered_surface(solved, options)
+    if wide is None:
         return None
-    figure = Figure(figsize=(11.0, 3.4), layout="constrained")
-    waves, map_, lags = figure.subplots(1, 3)
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    (waves, lags), (map_, close) = figure.subplots(2, 2)
     _draw_waves(waves, solved)
-    _, values = surface
-    mesh = map_.imshow(
-        values, origin="lower", extent=(-1, 1, -1, 1), cmap="viridis", vmin=0.0, vmax=1.0, interpolation="nearest"
-    )
-    figure.colorbar(mesh, ax=map_, shrink=0.8)
+    _draw_surface(map_, wide, "Agreement by direction")
+    row, column = np.unravel_index(np.nanargmax(wide.agreement), wide.agreement.shape)
+    centre = (float(wide.right[column]), float(wide.down[row]))
     if solved.solution is not None and np.isfinite(solved.solution.direction).all():
         _, right, down = solved.solution.direction.tolist()
-        map_.plot(right, down, "+", color="#fff", markersize=12, markeredgewidth=2)
+        centre = (right, down)
+        for axes in (map_, close):
+            axes.plot(right, down, "+", color="#fff", markersize=12, markeredgewidth=1.5)
         if solved.solution.mirror is not None:
             map_.plot(*solved.solution.mirror[1:].tolist(), ".", color="#fff")
-    map_.invert_yaxis()
-    map_.set(xlabel="right (direction cosine)", ylabel="down", title="Agreement by direction")
-    map_.grid(visible=False)
+    near = steered_surface(solved, options, centre=centre, half_width=_CLOSE)
+    assert near is not None
+    figure.colorbar(_draw_surface(close, near, "Around the direction found"), ax=[map_, close], label="agreement (1)")
     found = solved.differences
     assert found is not None
     for (reference, other, lag_us, values_), delay_s in zip(
@@ -115,9 +119,21 @@ def _draw(solved: SolvedRecord, options: SolveOptions) -> Figure | None:
     ):
         (line,) = lags.plot(lag_us, values_, linewidth=0.8, label=f"{reference} with {other}")
         lags.axvline(1e6 * delay_s, color=line.get_color(), linewidth=1.2, linestyle="--")
-    lags.set(xlabel="delay, us", ylabel="correlation", title="Pairs")
+    lags.set(xlabel="delay, \u00b5s", ylabel="correlation (1)", title="Pairs: the delays found are dashed")
     lags.legend()
     return figure
+
+
+def _draw_surface(axes: Any, surface: SteeredSurface, title: str) -> Any:
+    right, down = surface.right, surface.down
+    extent = (float(right[0]), float(right[-1]), float(down[0]), float(down[-1]))
+    mesh = axes.imshow(
+        surface.agreement, origin="lower", extent=extent, cmap="viridis", vmin=0.0, vmax=1.0, interpolation="nearest"
+    )
+    axes.invert_yaxis()
+    axes.set(xlabel="right (direction cosine)", ylabel="down (direction cosine)", title=title)
+    axes.grid(visible=False)
+    return mesh
 
 
 def _draw_waves(axes: Any, solved: SolvedRecord) -> None:

@@ -73,6 +73,22 @@ def run_batch(
             cluster.close(timeout=_CLOSE_TIMEOUT_S)
 
 
+def run_counted(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    workers: int,
+    scheduler: str | None,
+    say: Callable[[str], None],
+) -> list[tuple[Item, Result]]:
+    """All of `run_batch`, in any order; `say` hears of every item that is ready, by what `str` makes of it."""
+    progress = Progress(len(items), say)
+    found = []
+    for item, result in run_batch(function, items, workers, scheduler):
+        found.append((item, result))
+        progress.done(str(item))
+    return found
+
+
 class Progress:
     """One line for each finished job: how many of how many, and how long the rest may take."""
 

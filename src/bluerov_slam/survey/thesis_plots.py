@@ -12,7 +12,7 @@ from matplotlib.patches import Ellipse
 
 from bluerov_slam.acoustics.slip_lattice import Floats
 from bluerov_slam.acoustics.thesis_log import MOTIONS, TESTS_MM, ThesisRows, error_mm, joined
-from bluerov_slam.evaluation.thesis_held_out import ARRAY_CENTRE_MM, Session
+from bluerov_slam.evaluation.thesis_halves import ARRAY_CENTRE_MM, Session, second_half_errors_mm
 from bluerov_slam.evaluation.thesis_table import ESTIMATES, estimate, scored_rows
 from bluerov_slam.navigation.chi_square import chi_square_quantile
 from bluerov_slam.survey.plot_style import STYLE, as_svg
@@ -44,17 +44,23 @@ def _scatter(study: ThesisStudy) -> Figure:
     for test, axes in enumerate(_panels(figure, 3, 3), start=1):
         every = []
         for motion in MOTIONS:
-            parts = [scored_rows(log) for log in study.logs if (log.test, log.motion) == (test, motion)]
+            parts = [scored_rows(log) for log in study.scored_logs if (log.test, log.motion) == (test, motion)]
+            if not parts:
+                continue
             rows = joined(parts)
             error = error_mm(rows.fused_mm, rows)
             every.append(error)
             axes.plot(
                 error[:, 0], error[:, 1], ".", markersize=1.5, color=_COLORS[motion], rasterized=True, label=motion
             )
+        outside = np.concatenate([np.max(np.abs(error), axis=1) > _VIEW_MM for error in every])
+        axes.text(
+            0.97, 0.03, f"{outside.sum()} of {len(outside)} outside", fontsize=7, ha="right", transform=axes.transAxes
+        )
         _ellipse(axes, np.concatenate(every))
         axes.set(xlim=(-_VIEW_MM, _VIEW_MM), ylim=(-_VIEW_MM, _VIEW_MM), aspect="equal")
         axes.set_title(f"Test {test}: x {TESTS_MM[test - 1][0]:.0f}, y {TESTS_MM[test - 1][1]:.0f} mm", fontsize=9)
-        if test == 1:
+        if test == 2:
             axes.legend(markerscale=5.0, loc="lower left")
     figure.supxlabel("error in y (mm)", fontsize=9)
     figure.supylabel("error in z (mm)", fontsize=9)
@@ -74,10 +80,13 @@ def _ellipse(axes: Any, error: Floats) -> None:
 
 def _histograms(study: ThesisStudy) -> Figure:
     """Raw errors in z of stationary logs: bands as far apart as a slip of one carrier period moves a fix."""
-    sessions = [session for session in study.sessions if session.motion == "stationary"]
+    still = [
+        (log, s.measured) for log, s in zip(study.scored_logs, study.sessions, strict=True) if s.motion == "stationary"
+    ]
     figure = Figure(figsize=(9.0, 10.0), layout="constrained")
-    for session, axes in zip(sessions, _panels(figure, 4, 2), strict=True):
-        error = session.error_mm[session.scored][:, 1]
+    for (log, session), axes in zip(still, _panels(figure, 4, 2), strict=True):
+        rows = log.rows.where(~log.rows.after_discard)
+        error = error_mm(rows.raw_mm, rows)[:, 1]
         axes.hist(error, bins=np.arange(-100.0, _VIEW_MM, _BIN_MM), color="#0969da")
         counts, edges = np.histogram(error, bins=np.arange(-100.0, _VIEW_MM, _BIN_MM))
         fullest = edges[int(np.argmax(counts))] + 0.5 * _BIN_MM
@@ -103,9 +112,8 @@ def _against_geometry(study: ThesisStudy, smoothed_mm: Mapping[str, Floats]) -> 
     lattice = []
     for test in by_test:
         members = [named[log.name] for log in study.logs if log.test == test and log.name in named]
-        errors = np.concatenate([(smoothed_mm[s.name] - s.true_mm)[s.half(1)] for s in members])
-        lattice.append(_rms(errors))
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+        lattice.append(_rms(second_half_errors_mm(members, smoothed_mm)))
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     for axes, (where, label) in zip(
         _panels(figure, 1, 2), ((ranges, "range to the array (m)"), (angles, "angle off the x axis (deg)")), strict=True
     ):
@@ -114,7 +122,7 @@ def _against_geometry(study: ThesisStudy, smoothed_mm: Mapping[str, Floats]) -> 
             axes.plot(where, rms, "o", color=_ESTIMATE_COLORS[name], label=_LABELS[name])
         axes.plot(where, lattice, "s", color="#1a7f37", label="slip lattice, smoothed (second halves)")
         axes.set(xlabel=label, ylabel="RMS error across the line of sight (mm)", ylim=(0.0, None))
-    axes.legend()
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -122,8 +130,8 @@ def _held_out(study: ThesisStudy, smoothed_mm: Mapping[str, Floats]) -> Figure:
     """Share of second-half rows with an error up to a length."""
     sessions = study.sessions
     curves = {
-        "raw fixes": (_lengths(sessions, {s.name: s.raw_mm for s in sessions}), "#d1590a"),
-        "logged iSBL-SF": (_lengths(sessions, {s.name: s.fused_mm for s in sessions}), "#0969da"),
+        "raw fixes": (_lengths(sessions, {s.name: s.measured.raw_mm for s in sessions}), "#d1590a"),
+        "logged iSBL-SF": (_lengths(sessions, {s.name: s.measured.fused_mm for s in sessions}), "#0969da"),
         "slip lattice, smoothed": (_lengths(sessions, smoothed_mm), "#1a7f37"),
     }
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
@@ -137,8 +145,7 @@ def _held_out(study: ThesisStudy, smoothed_mm: Mapping[str, Floats]) -> Figure:
 
 
 def _lengths(sessions: list[Session], positions_mm: Mapping[str, Floats]) -> Floats:
-    errors = [(positions_mm[session.name] - session.true_mm)[session.half(1)] for session in sessions]
-    return np.asarray(np.linalg.norm(np.concatenate(errors), axis=1))
+    return np.asarray(np.linalg.norm(second_half_errors_mm(sessions, positions_mm), axis=1))
 
 
 def _panels(figure: Figure, rows: int, columns: int) -> list[Any]:

@@ -30,7 +30,7 @@ _RECIPE_NOTE = (
 
 def report_html(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters) -> str:
     """The whole page; `rows` are those of `reproduced_rows`."""
-    smoothed = held_out.estimates(study.sessions, parameters, smoothed=True, anew=True)
+    smoothed = held_out.estimates([each.measured for each in study.sessions], parameters, smoothed=True, anew=True)
     plots = _plots(study, smoothed)
     parts = [
         "<h1>Inverted short baseline: the thesis's logs</h1>",
@@ -52,9 +52,16 @@ def report_html(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters)
             "The platform stands still, yet raw fixes lie in bands: each is a carrier period slipped in one or two "
             "pairs of receivers. Their distance follows from geometry and carrier alone.",
         ),
-        figure_html(plots, "geometry", "Error over range and angle", "One mark for each test."),
+        figure_html(
+            plots, "geometry", "Error over range and angle",
+            "One mark for each test. Raw fixes and the two logged filters: all rows of the test; slip lattice: second "
+            "halves, started anew.",
+        ),
         "<h2>Held-out halves</h2><p>All was found from the first half of each log and is scored on the second.</p>",
-        figure_html(plots, "held_out", "", "How many rows of the second halves are within an error."),
+        figure_html(
+            plots, "held_out", "",
+            "How many rows of the second halves are within an error; the slip lattice started anew there.",
+        ),
         _rows(held_out_rows(study, parameters)),
     ]  # fmt: skip
     return page_html("Inverted short baseline: the thesis's logs", parts)
@@ -96,8 +103,12 @@ def _rows(rows: Sequence[Row]) -> str:
             f"<td class=n>{escape('' if target is None else str(target))}" for target in (row.must, row.aim)
         )
         lines.append(
-            f"<tr><td>{escape(row.id)}<td>{escape(row.name)}<td class=n>{row.interval.value:.4g} {escape(row.unit)}"
+            f"<tr><td>{escape(row.id)}<td>{escape(row.name)}<td class=n>{_shown(row.interval.value)} {escape(row.unit)}"
             f"<td class=n>{spread}{asked}<td>{met}"
         )
     head = "<tr><th>Id<th>Figure<th class=n>value<th class=n>95 %<th class=n>must<th class=n>aim<th>met"
     return f"<table>{head}{''.join(lines)}</table>"
+
+
+def _shown(value: float) -> str:
+    return f"{value:.0f}" if value == round(value) else f"{value:.4g}"

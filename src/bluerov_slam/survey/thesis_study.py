@@ -10,6 +10,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,9 @@ from bluerov_slam.evaluation import thesis_table
 from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.statistics import BAND, Interval
 from bluerov_slam.evaluation.thesis_checks import check_truth, depth_noise_correlation
-from bluerov_slam.evaluation.thesis_held_out import Parameters, Session
-from bluerov_slam.sources.isbl_thesis_log import LineKind, read_thesis_logs
+from bluerov_slam.evaluation.thesis_halves import Session, session_of
+from bluerov_slam.evaluation.thesis_held_out import Parameters
+from bluerov_slam.sources.isbl_thesis_log import LineKind, read_thesis_archive
 
 FOLDER = "isbl_thesis"
 _LOGS, _PUBLISHED = "raw_logs.tar.gz", "published_stats.json"
@@ -37,27 +39,44 @@ _STATIONARY = "stationary"
 
 @dataclass(frozen=True)
 class ThesisStudy:
-    """The logs with their replays, by name, and the published numbers."""
+    """The logs, what their lines are, and the published numbers."""
 
     logs: list[ThesisLog]
     census: Counter[LineKind]
-    replays: dict[str, Replay]
     published: dict[str, Any]
 
+    @cached_property
+    def replays(self) -> dict[str, Replay]:
+        """Of whole logs, by name; a quarter of a minute."""
+        return {log.name: replay(log) for log in self.logs}
+
     @property
+    def scored_logs(self) -> list[ThesisLog]:
+        """Those whose truth is right."""
+        return [log for log in self.logs if log.truth_valid]
+
+    @cached_property
     def sessions(self) -> list[Session]:
-        """Those that can be scored."""
-        return [held_out.session_of(log, self.replays[log.name]) for log in self.logs if log.truth_valid]
+        """Those that can be scored, parted; their halves are replayed on their own."""
+        return [session_of(log) for log in self.scored_logs]
 
 
 def read_study(data_folder: Path) -> ThesisStudy:
-    """From the folder that holds `isbl_thesis`; a quarter of a minute. Raises RecordingError where it is not."""
+    """From the folder that holds `isbl_thesis`. Raises RecordingError where it is not."""
     folder = data_folder / FOLDER
-    if not (folder / _LOGS).exists():
+    if not all((folder / name).exists() for name in (_LOGS, _PUBLISHED)):
         raise RecordingError(f"{folder / _LOGS} is not there: the thesis's logs are needed (set BLUEROV_SLAM_DATA)")
-    found = read_thesis_logs(folder / _LOGS)
-    published = json.loads((folder / _PUBLISHED).read_text(encoding="utf-8"))
-    return ThesisStudy(found.logs, found.census, {log.name: replay(log) for log in found.logs}, published)
+    return study_of({name: (folder / name).read_bytes() for name in (_LOGS, _PUBLISHED)})
+
+
+def study_of(files: Mapping[str, bytes]) -> ThesisStudy:
+    """From the contents of that folder's files, by name. Raises RecordingError where one is not there."""
+    missing = [name for name in (_LOGS, _PUBLISHED) if name not in files]
+    if missing:
+        raise RecordingError(f"{FOLDER}: {' and '.join(missing)} not there: the thesis's logs are needed")
+    found = read_thesis_archive(files[_LOGS])
+    published = json.loads(files[_PUBLISHED])
+    return ThesisStudy(found.logs, found.census, published)
 
 
 def reproduced_rows(study: ThesisStudy) -> list[Row]:
@@ -75,8 +94,9 @@ def reproduced_rows(study: ThesisStudy) -> list[Row]:
 def held_out_rows(study: ThesisStudy, parameters: Parameters) -> list[Row]:
     """I21: second halves, everything found from the first."""
     sessions = study.sessions
+    measured = [session.measured for session in sessions]
     rows = []
-    for name, positions in held_out.baselines(sessions).items():
+    for name, positions in held_out.baselines(measured, {each.name: each.first for each in sessions}).items():
         rows += _scores("I21", f"{name}, as a baseline", sessions, positions, {})
     musts: Mapping[str, tuple[float, float]]
     for smoothed, musts in (
@@ -85,14 +105,14 @@ def held_out_rows(study: ThesisStudy, parameters: Parameters) -> list[Row]:
     ):
         kind = "smoothed" if smoothed else "causal"
         for anew in (True, False):
-            positions = held_out.estimates(sessions, parameters, smoothed=smoothed, anew=anew)
+            positions = held_out.estimates(measured, parameters, smoothed=smoothed, anew=anew)
             how = "started anew in the second half" if anew else "running on from the first half"
             rows += _scores("I21", f"slip lattice {kind}, {how}", sessions, positions, musts)
             still = [session for session in sessions if session.motion == _STATIONARY]
             limit = 13.0 if smoothed else 18.0
             asked = {"rmse": (limit, limit)} if anew else {}
             rows += _scores("I21", f"slip lattice {kind}, stationary, {how}", still, positions, asked)[:1]
-    blind = held_out.blind_estimates(sessions, parameters, smoothed=True)
+    blind = held_out.blind_estimates(measured, parameters, smoothed=True)
     rows += _scores("I21", "slip lattice smoothed, without any truth", sessions, blind, {"rmse": (58, 56)})
     return _numbered(rows)
 
@@ -162,9 +182,7 @@ def _scores(
     limits: Mapping[str, tuple[float, float]],
 ) -> list[Row]:
     """RMSE, median, 95th percentile over second halves; `limits` by figure: must and aim."""
-    lengths = [
-        np.linalg.norm((positions_mm[session.name] - session.true_mm)[session.half(1)], axis=1) for session in sessions
-    ]
+    lengths = [np.linalg.norm(each.second.error_mm(positions_mm[each.name]), axis=1) for each in sessions]
     draws = np.random.default_rng(0).integers(0, len(lengths), (_RESAMPLES, len(lengths)))
     resampled = [np.concatenate([lengths[k] for k in draw]) for draw in draws]
     rows = []

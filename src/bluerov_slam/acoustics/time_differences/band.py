@@ -35,6 +35,14 @@ def next_power_of_two(count: int) -> int:
     return 1 << max(0, count - 1).bit_length()
 
 
+def phasor(phase_rad: Array) -> ComplexArray:
+    """exp(j phase): cosine and sine alone cost a quarter of the complex exponential."""
+    turned = np.empty(phase_rad.shape, dtype=np.complex128)
+    np.cos(phase_rad, out=turned.real)
+    np.sin(phase_rad, out=turned.imag)
+    return turned
+
+
 @dataclass(frozen=True, eq=False)
 class BandSpectra:
     """Spectra (n, b) of zero-padded records at the frequencies (b,) of the band."""
@@ -127,7 +135,7 @@ def common_windows(
     spectra = np.fft.rfft(windows, size, axis=1)
     low, high = (min(round(edge * size / sample_rate_hz), size // 2) for edge in band_hz)
     frequencies = np.arange(low, high + 1) * sample_rate_hz / size
-    turned = spectra[:, low : high + 1] * np.exp(-2j * np.pi * frequencies * starts[:, None] / sample_rate_hz)
+    turned = spectra[:, low : high + 1] * phasor((-2.0 * np.pi / sample_rate_hz) * frequencies * starts[:, None])
     effective = float(np.sum(flanks**2))
     snr_db = _snr_db(spectra, sample_rate_hz, effective, np.sum(windows**2, axis=1))
     return Windows(turned, frequencies, effective, size, snr_db)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.acoustics.receiver_faults import examine_record
+from bluerov_slam.acoustics.receiver_faults import examine_record, hanning
 from bluerov_slam.acoustics.time_differences.band import BAND_HZ
 
 Array = NDArray[np.float64]
@@ -58,7 +57,7 @@ def check_receivers(samples: Array, sample_rate_hz: float) -> Checked:
 def _excess(samples: Array, sample_rate_hz: float) -> Array:
     """Power density in the band over the median of that above it (n,)."""
     length = samples.shape[1]
-    spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * _hanning(length), axis=1)
+    spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * hanning(length), axis=1)
     power = np.abs(spectra) ** 2
     places = [round(edge * length / sample_rate_hz) for edge in (*BAND_HZ, *_OUTSIDE_HZ)]
     band = power[:, places[0] : places[1] + 1]
@@ -66,8 +65,3 @@ def _excess(samples: Array, sample_rate_hz: float) -> Array:
     noise = np.median(power[:, places[2] : places[3]], axis=1) / np.log(2.0)
     excess: Array = band.mean(axis=1) / np.maximum(noise, 1e-12 * power.max(axis=1) + 1e-300)
     return excess
-
-
-@lru_cache(maxsize=4)
-def _hanning(length: int) -> Array:
-    return np.hanning(length)

@@ -12,7 +12,7 @@ from bluerov_slam.acoustics.array import ReceiverArray
 from bluerov_slam.acoustics.bounds import delay_covariance
 from bluerov_slam.acoustics.receiver_faults import find_swapped
 from bluerov_slam.acoustics.time_differences import joint, pairwise
-from bluerov_slam.acoustics.time_differences.band import WIDE_BAND_HZ, BandSpectra, Windows, common_windows
+from bluerov_slam.acoustics.time_differences.band import WIDE_BAND_HZ, BandSpectra, Windows, common_windows, phasor
 from bluerov_slam.acoustics.time_differences.checks import check_receivers
 from bluerov_slam.acoustics.time_differences.onset import early_part, onsets_s
 from bluerov_slam.acoustics.time_differences.pickup import remove_common_line
@@ -183,7 +183,7 @@ class _Quality:
 def _quality(record: _Record, arrivals_s: Array) -> _Quality:
     """Of delays already found: from the windows that they align."""
     windows = common_windows(record.samples, record.sample_rate_hz, arrivals_s)
-    turns = np.exp(2j * np.pi * windows.frequencies_hz * arrivals_s[:, None])
+    turns = phasor(2.0 * np.pi * windows.frequencies_hz * arrivals_s[:, None])
     return _of_aligned(windows.spectra * turns, windows)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bluerov_slam.acoustics.array import FLAT_SHARE
-from bluerov_slam.acoustics.time_differences.band import BandSpectra
+from bluerov_slam.acoustics.time_differences.band import BandSpectra, phasor
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -165,15 +165,16 @@ class PairCoherence:
         self._envelope = np.where(energy > 0.0, cross / np.sqrt(np.maximum(energy, 1e-300)), 0.0)
         beyond = np.abs(offsets * self.step_s)[None, :] > LAG_MARGIN * limits_s[first, second][:, None] + self.step_s
         self._envelope[beyond] = 0.0
-        self.offsets_s = offsets * self.step_s
+        self.offsets_s: Array = np.asarray(offsets * self.step_s, dtype=np.float64)
 
     def _overlap(self, first: NDArray[np.intp], second: NDArray[np.intp], offsets: NDArray[np.intp]) -> Array:
         """Product of the two energies (pairs, lags) in what the pair has in common; 0 where that is too short."""
         length, power = self.length, np.abs(self.records[:, : self.length]) ** 2
         total = np.concatenate((np.zeros((self.count, 1)), np.cumsum(power, axis=1)), axis=1)
         late, early = np.clip(offsets, 0, length), np.clip(-offsets, 0, length)
-        one = total[first][:, length - early] - total[first][:, late]
-        other = total[second][:, length - late] - total[second][:, early]
+        begin, end = total[:, np.stack((late, early))], total[:, np.stack((length - early, length - late))]
+        one = end[first, 0] - begin[first, 0]
+        other = end[second, 1] - begin[second, 1]
         enough = np.minimum(one, other) > LEAST_OVERLAP * np.minimum(total[first, -1], total[second, -1])[:, None]
         return np.where(enough, one * other, 0.0)
 
@@ -195,7 +196,7 @@ class PairCoherence:
         rows = np.arange(self.count)[None, :, None]
         at = np.where(within, margin + whole[:, :, None] + times, 0)
         taken = self.records[rows, at] * (1.0 - part) + self.records[rows, at + 1] * part
-        taken = taken * np.exp(2j * np.pi * self.centre_hz * late)[:, :, None]
+        taken *= phasor(2.0 * np.pi * self.centre_hz * late)[:, :, None]
         taken = np.where(within, taken, 0.0)
         energy = np.sum(np.abs(taken) ** 2, axis=2)
         together = np.sum(taken / np.sqrt(np.maximum(energy, 1e-300))[:, :, None], axis=1)
@@ -219,14 +220,16 @@ class PairCoherence:
         inside = (below >= 0) & (below < len(row) - 1)
         below = np.where(inside, below, 0)
         part = place - below
-        value = row[below] * (1.0 - part) + row[below + 1] * part
-        turned: Array = np.real(value * np.exp(2j * np.pi * self.centre_hz * lags_s))
+        value = row[below]
+        value += (row[below + 1] - value) * part
+        phase = 2.0 * np.pi * self.centre_hz * lags_s
+        turned: Array = value.real * np.cos(phase) - value.imag * np.sin(phase)
         return np.where(inside, turned, 0.0)
 
     def in_phase(self, first: int, second: int, carrier_hz: float, most: int) -> Array:
         """The lags `toa_first - toa_second` of the strongest positive peaks, the strongest first."""
         row = self.envelope(first, second)
-        phase = np.angle(row * np.exp(2j * np.pi * self.centre_hz * self.offsets_s))
+        phase = np.angle(row * phasor(2.0 * np.pi * self.centre_hz * self.offsets_s))
         lags = self.offsets_s - phase / (2.0 * np.pi * carrier_hz)
         own = np.abs(lags - self.offsets_s) <= 0.55 * self.step_s  # a peak between two lags must not be lost
         strength = np.where(own, np.abs(row), 0.0)
@@ -263,12 +266,15 @@ def search(
         lags = -coherence.in_phase(0, newest, carrier_hz, most)  # arrival after receiver 0's
         if not len(lags):
             return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0))
-        tried = np.concatenate((np.repeat(kept, len(lags), axis=0), np.tile(lags, len(kept))[:, None]), axis=1)
-        gained = sum(coherence.at(other, newest, tried[:, other] - tried[:, newest]) for other in range(newest))
-        total = np.repeat(score, len(lags)) + gained
+        # All of those kept with all new lags (m, q); receiver 0 is at zero in each.
+        gained = np.broadcast_to(coherence.at(0, newest, -lags), (len(kept), len(lags)))
+        for other in range(1, newest):
+            gained = gained + coherence.at(other, newest, kept[:, other, None] - lags)
+        total = (score[:, None] + gained).reshape(-1)
         width = most * (1 + newest)
         best = np.argpartition(-total, width)[:width] if len(total) > width else np.arange(len(total))
-        kept, score = tried[best], total[best]
+        row, column = np.divmod(best, len(lags))
+        kept, score = np.concatenate((kept[row], lags[column, None]), axis=1), total[best]
     residual, exists = geometry.misfit(kept if skew_s is None else kept + skew_s)
     squared = np.sum(residual**2, axis=1)
     against = 0.5 * squared / response_std_s**2
@@ -280,6 +286,8 @@ def search(
     order = np.argsort(against + doubt, kind="stable")[:CELLS]
     order = order[np.isfinite(against[order])]
     free = _contradicting(kept, doubt, squared / count, order)
+    if not len(order):
+        return Cells(np.zeros((0, count)), np.zeros(0), np.zeros(0), np.zeros(0), free)
     kept, against, squared = kept[order], against[order], squared[order]
     mean, share = coherence.of_all(kept)
     odds = -against - _doubt(mean, count, freedom * share)
@@ -309,23 +317,25 @@ def refine(
     """Arrivals (n,) at the peak of P in their cell by Newton's method (the first stays), and the aligned spectra."""
     omega = 2.0 * np.pi * frequencies_hz
     arrivals = arrivals_s.copy()
+    weighted = weights[:, None] * spectra
     limit = 0.25 / float(frequencies_hz.mean())
     for step in range(NEWTON_STEPS + 1):
-        aligned = weights[:, None] * spectra * np.exp(1j * omega * arrivals[:, None])
+        aligned = weighted * phasor(omega * arrivals[:, None])
         if step == NEWTON_STEPS:
             break
         total = aligned.sum(axis=0)
-        slope = -2.0 * np.imag(np.conj(total) * aligned) @ omega
+        against = np.conj(total) * aligned
+        slope = -2.0 * against.imag @ omega
         scaled = aligned * omega
         bend = 2.0 * np.real(scaled @ np.conj(scaled).T)
-        bend[np.diag_indices_from(bend)] -= 2.0 * np.real(np.conj(total) * aligned) @ omega**2
+        bend[np.diag_indices_from(bend)] -= 2.0 * against.real @ omega**2
         try:
             move = np.linalg.solve(bend[1:, 1:], -slope[1:])
         except np.linalg.LinAlgError:  # a receiver without any power
             break
         arrivals[1:] += np.clip(move, -limit, limit)
         if np.abs(move).max() < NEWTON_ENOUGH_S:
-            aligned = weights[:, None] * spectra * np.exp(1j * omega * arrivals[:, None])
+            aligned = weighted * phasor(omega * arrivals[:, None])
             break
     return arrivals, aligned
 
