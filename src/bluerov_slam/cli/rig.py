@@ -1,0 +1,17 @@
+"""`bluerov-slam rig`: the ground-truth rig, real or simulated; one module for each sub-command."""
+
+from __future__ import annotations
+
+import click
+
+from bluerov_slam.cli.lazy_group import LazyGroup
+
+# Sub-command name -> module of this package that holds a click command called `command`.
+COMMANDS: dict[str, str] = {
+    "evaluate": "rig_evaluate",
+}
+
+
+@click.group(name="rig", cls=LazyGroup, modules=COMMANDS, short_help="The ground-truth rig: plan, move, collect.")
+def command() -> None:
+    """Plan and know the motions of a stack of hexapod platforms (docs/rig.md)."""
