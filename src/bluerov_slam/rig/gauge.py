@@ -124,7 +124,7 @@ def servo_error_polygon(pair: GaugePair | None = None, slide_mm: float = 0.0) ->
             if np.all(np.abs(normals @ corner) <= limit * (1.0 + _REAL)):
                 corners.append(corner)
     found = np.unique(np.round(corners, 12), axis=0)
-    return found[np.argsort(np.arctan2(found[:, 1], found[:, 0]))]
+    return np.asarray(found[np.argsort(np.arctan2(found[:, 1], found[:, 0]))], dtype=float)
 
 
 def _pass_normals(pair: GaugePair, slide_mm: float) -> Floats:
