@@ -228,7 +228,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class ReceiverResult:
-    """The receiver's fifteen values in its order; test frame, mm and degrees, as it sends them; NaN where it said nan."""
+    """The fifteen values in the order of the line; test frame, mm and degrees; NaN where it said nan."""
 
     acoustic_mm: Triple
     combined_mm: Triple
