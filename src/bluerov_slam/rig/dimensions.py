@@ -46,6 +46,7 @@ class PlatformDimensions:
         arm_mm: between the servo's axis and the ball joint, (..., 6).
         rod_mm: between the two ball joints, (..., 6).
         home_height_mm: of the plate over the servo axes' plane at set point zero.
+        plate_radius_mm: root mean square distance of the plate's joints from its middle, (...): what a radian is worth.
         legs: the same in plain numbers; empty for a batch.
     """
 
@@ -55,6 +56,7 @@ class PlatformDimensions:
     arm_mm: Floats
     rod_mm: Floats
     home_height_mm: float = float(-HOME_MM[2])
+    plate_radius_mm: Floats = field(init=False, repr=False)
     legs: tuple[Leg, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -71,6 +73,8 @@ class PlatformDimensions:
                 raise ValueError(f"{name} has shape {array.shape}, expected (..., {', '.join(map(str, shape))})")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+        radius = np.sqrt(np.mean(np.sum(self.plate_joints_mm**2, axis=-1), axis=-1))
+        object.__setattr__(self, "plate_radius_mm", radius)
         legs = () if self.batched else tuple(map(self._leg, range(LEGS)))
         object.__setattr__(self, "legs", legs)
 
@@ -211,6 +215,8 @@ FO_SHIP_SERVOS = ServoCalibration(
 class ManufacturingSpread:
     """How well a rig is known: standard deviations, each of every servo, rod, arm, joint or base by itself.
 
+    The same for all legs; zero is exact.
+
     Attributes:
         servo_rad: setting of a servo's zero.
         slop_rad: play of a servo, another at each pose.
@@ -218,6 +224,7 @@ class ManufacturingSpread:
         arm_mm: length of an arm.
         joint_mm: each coordinate of each base and plate joint.
         stacking_mm: each coordinate of the foot, of every base on the plate beneath and of the tool.
+        pair_correlation: of the settings of two facing servos (0 and 1, 2 and 3, 4 and 5), which are levelled together.
     """
 
     servo_rad: float = 0.0
@@ -226,3 +233,4 @@ class ManufacturingSpread:
     arm_mm: float = 0.0
     joint_mm: float = 0.0
     stacking_mm: float = 0.0
+    pair_correlation: float = 0.0

@@ -8,6 +8,7 @@ fails; then the servos are turned to their angles in small steps, each solved fr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import cos, isfinite, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +18,16 @@ from bluerov_slam.rig.leg_lengths import leg_lengths
 from bluerov_slam.rig.platform import condition, servo_angles_rad
 
 if TYPE_CHECKING:
-    from bluerov_slam.rig.dimensions import Floats, PlatformDimensions
+    from bluerov_slam.rig.dimensions import Floats, Leg, PlatformDimensions
+
+Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 TOLERANCE_MM = 1e-11
+_CHUNK = 2048
 _ITERATIONS = 12
 _SMALL_STEPS = 24
-_LARGEST_STEP = np.array([20.0, 20.0, 20.0, 0.4, 0.4, 0.4])
+_HOME = np.zeros(LEGS)
+_LARGEST_STEP = (20.0, 20.0, 20.0, 0.4, 0.4, 0.4)
 """A Newton step beyond this (mm, rad) leaves the neighbourhood where its derivative means anything."""
 
 
@@ -40,26 +45,97 @@ class PlatePose:
     set_point: Floats
     residual_mm: Floats
     condition: Floats
-    converged: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    converged: Mask
 
 
 def plate_pose(servo_angles: Floats, dimensions: PlatformDimensions, start: Floats | None = None) -> PlatePose:
     """The set points of servo angles (..., 6) rad, found from set points `start` (..., 6) or from home."""
     angles = np.asarray(servo_angles, dtype=np.float64)
-    begin = np.zeros(LEGS) if start is None else np.asarray(start, dtype=np.float64)
+    angles = np.where(np.isfinite(angles), angles, np.nan)
+    begin = _HOME if start is None else np.asarray(start, dtype=np.float64)
+    if dimensions.legs and angles.ndim == begin.ndim == 1:
+        found = _newton_of_one(angles.tolist(), begin.tolist(), dimensions)
+        if found is not None:
+            return found
     shape = np.broadcast_shapes(angles.shape, begin.shape, (*_lead(dimensions), LEGS))[:-1]
     flat = np.broadcast_to(angles, (*shape, LEGS)).reshape(-1, LEGS)
     points = np.broadcast_to(begin, (*shape, LEGS)).reshape(-1, LEGS).copy()
+    worst, number = np.empty(len(points)), np.empty(len(points))
+    for first in range(0, len(points), _CHUNK):
+        some = slice(first, first + _CHUNK)
+        worst[some], number[some] = _poses_of_many(flat[some], points[some], _rows(dimensions, some))
+    converged = worst <= TOLERANCE_MM
+    return PlatePose(
+        points.reshape(*shape, LEGS), worst.reshape(shape), number.reshape(shape), converged.reshape(shape)
+    )
+
+
+def _poses_of_many(angles: Floats, points: Floats, dimensions: PlatformDimensions) -> tuple[Floats, Floats]:
+    """Improve the points (n, 6) in place; worst residuals and condition numbers (n,)."""
     begin = points.copy()
-    worst = _newton(flat, points, dimensions)
-    missed = ~(worst <= TOLERANCE_MM)
+    worst = _newton(angles, points, dimensions)
+    missed = worst > TOLERANCE_MM
     if np.any(missed):
         some = _rows(dimensions, missed)
-        points[missed], worst[missed] = _by_small_steps(flat[missed], begin[missed], some)
-    converged = worst <= TOLERANCE_MM
-    points[~converged] = np.nan
-    found = condition(leg_lengths(points, flat, dimensions).by_set_point, dimensions)
-    return PlatePose(points.reshape(*shape, LEGS), worst.reshape(shape), found.reshape(shape), converged.reshape(shape))
+        points[missed], worst[missed] = _by_small_steps(angles[missed], begin[missed], some)
+    points[~(worst <= TOLERANCE_MM)] = np.nan
+    return worst, condition(leg_lengths(points, angles, dimensions).by_set_point, dimensions)
+
+
+def _newton_of_one(angles: list[float], point: list[float], dimensions: PlatformDimensions) -> PlatePose | None:
+    """Newton in plain sums, where an array of one would cost ten times the time; None if it does not converge."""
+    if not isfinite(sum(angles) + sum(point)):
+        return None
+    ends = [_arm_end_of_one(leg, angle) for leg, angle in zip(dimensions.legs, angles, strict=True)]
+    for _ in range(_ITERATIONS):
+        excess, rows = _legs_of_one(point, ends, dimensions)
+        worst = max(map(abs, excess))
+        matrix = np.array(rows)
+        if worst <= TOLERANCE_MM:
+            return PlatePose(np.array(point), np.array(worst), _condition_of_one(matrix, dimensions), np.array(True))
+        try:
+            step = np.linalg.solve(matrix, excess).tolist()
+        except np.linalg.LinAlgError:
+            return None
+        share = 1.0 / max(1.0, *(abs(change) / largest for change, largest in zip(step, _LARGEST_STEP, strict=True)))
+        point = [value - share * change for value, change in zip(point, step, strict=True)]
+    return None
+
+
+def _arm_end_of_one(leg: Leg, angle: float) -> tuple[float, float, float]:
+    level = leg.arm_mm * cos(angle)
+    return leg.base_x + level * leg.forward_x, leg.base_y + level * leg.forward_y, leg.base_z - leg.arm_mm * sin(angle)
+
+
+def _legs_of_one(
+    point: list[float], ends: list[tuple[float, float, float]], dimensions: PlatformDimensions
+) -> tuple[list[float], list[list[float]]]:
+    """Excess of each leg's distance over its rod, and the derivative's rows, as `leg_lengths` has them."""
+    x, y, z, roll, pitch, yaw = point
+    sr, cr, sp, cp, sy, cy = sin(roll), cos(roll), sin(pitch), cos(pitch), sin(yaw), cos(yaw)
+    xx, xy, xz = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    yx, yy, yz = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    zx, zy, zz = -sp, cp * sr, cp * cr
+    z -= dimensions.home_height_mm
+    excess, rows = [], []
+    for leg, (end_x, end_y, end_z) in zip(dimensions.legs, ends, strict=True):
+        px, py, pz = leg.plate_x, leg.plate_y, leg.plate_z
+        vx = xx * px + xy * py + xz * pz
+        vy = yx * px + yy * py + yz * pz
+        vz = zx * px + zy * py + zz * pz
+        nx, ny, nz = x + vx - end_x, y + vy - end_y, z + vz - end_z
+        length = sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = nx / length, ny / length, nz / length
+        mx, my, mz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
+        excess.append(length - leg.rod_mm)
+        rows.append([nx, ny, nz, xx * mx + yx * my + zx * mz, cy * my - sy * mx, mz])
+    return excess, rows
+
+
+def _condition_of_one(by_set_point: Floats, dimensions: PlatformDimensions) -> Floats:
+    by_set_point[:, 3:] /= dimensions.plate_radius_mm
+    values = np.linalg.svd(by_set_point, compute_uv=False)
+    return np.asarray(values[0] / values[-1])
 
 
 def _newton(angles: Floats, points: Floats, dimensions: PlatformDimensions) -> Floats:
@@ -101,9 +177,9 @@ def _lead(dimensions: PlatformDimensions) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def _rows(dimensions: PlatformDimensions, rows: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> PlatformDimensions:
+def _rows(dimensions: PlatformDimensions, rows: slice | Mask) -> PlatformDimensions:
     """Of a batch of platforms (n, ...) some; one platform as it is."""
-    if not dimensions.batched or np.all(rows):
+    if not dimensions.batched:
         return dimensions
     axes = {"base_joints_mm": 2, "plate_joints_mm": 2, "arm_bearings_rad": 1, "arm_mm": 1, "rod_mm": 1}
     values = {name: getattr(dimensions, name) for name in axes}

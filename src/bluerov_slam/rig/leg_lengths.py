@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.geometry.platform_stack import rotations
+from bluerov_slam.geometry.platform_stack import cross, rotations
 
 if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, PlatformDimensions
@@ -40,7 +40,7 @@ class LegLengths:
 def leg_lengths(set_points: Floats, angles_rad: Floats, dimensions: PlatformDimensions) -> LegLengths:
     """Distances and derivatives at set points (..., 6) and servo angles (..., 6)."""
     turn = rotations(set_points[..., 3:])
-    v = np.einsum("...ij,...lj->...li", turn, dimensions.plate_joints_mm)
+    v = dimensions.plate_joints_mm @ np.swapaxes(turn, -1, -2)
     middle = set_points[..., :3] - np.array([0.0, 0.0, dimensions.home_height_mm])
     level, upright = np.cos(angles_rad), np.sin(angles_rad)
     forward = np.stack([np.cos(dimensions.arm_bearings_rad), np.sin(dimensions.arm_bearings_rad)], axis=-1)
@@ -50,9 +50,11 @@ def leg_lengths(set_points: Floats, angles_rad: Floats, dimensions: PlatformDime
     leg = middle[..., None, :] + v - dimensions.base_joints_mm - arm_end
     length = np.sqrt(np.sum(leg * leg, axis=-1))
     n = leg / length[..., None]
-    m = np.cross(v, n)
+    m = cross(v, n)
     yaw = set_points[..., 5, None]
-    by_roll = np.einsum("...i,...li->...l", turn[..., :, 0], m)
-    by_pitch = np.cos(yaw) * m[..., 1] - np.sin(yaw) * m[..., 0]
-    by_set_point = np.concatenate([n, by_roll[..., None], by_pitch[..., None], m[..., 2:]], axis=-1)
+    by_set_point = np.empty((*length.shape, 6))
+    by_set_point[..., :3] = n
+    by_set_point[..., 3] = (m @ turn[..., :, :1])[..., 0]
+    by_set_point[..., 4] = np.cos(yaw) * m[..., 1] - np.sin(yaw) * m[..., 0]
+    by_set_point[..., 5] = m[..., 2]
     return LegLengths(length - dimensions.rod_mm, by_set_point, np.sum(n * arm_rate, axis=-1), n)

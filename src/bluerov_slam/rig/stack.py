@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.geometry.platform_stack import PLATFORMS, TIP_MM, rotations, stack_tip_mm
+from bluerov_slam.geometry.platform_stack import PLATFORMS, TIP_MM, cross, rotations, stack_tip_mm
 
 if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, StackDimensions
@@ -50,18 +50,18 @@ def stack_jacobian(set_points: Floats, dimensions: StackDimensions) -> Floats:
     plates, reached = _plates(points, dimensions)
     tool = plates[-1] + reached[-1] @ dimensions.tool_mm
     count = points.shape[-2]
-    found = np.zeros((*points.shape[:-2], 6, 6 * count))
-    for i in range(count):
-        yaw = points[..., i, 5]
-        zero = np.zeros_like(yaw)
-        beneath = reached[i]
-        pitch_axis = np.stack([-np.sin(yaw), np.cos(yaw), zero], axis=-1)
-        axes = [reached[i + 1][..., :, 0], np.einsum("...ij,...j->...i", beneath, pitch_axis), beneath[..., :, 2]]
-        found[..., :3, 6 * i : 6 * i + 3] = beneath
-        for k, axis in enumerate(axes, start=6 * i + 3):
-            found[..., :3, k] = np.cross(axis, tool - plates[i])
-            found[..., 3:, k] = axis
-    return found
+    beneath, turned = np.stack(reached[:-1], axis=-3), np.stack(reached[1:], axis=-3)
+    cy, sy = np.cos(points[..., 5, None]), np.sin(points[..., 5, None])
+    axes = np.empty((*points.shape[:-1], 3, 3))  # of roll, pitch, yaw in rows
+    axes[..., 0, :] = turned[..., :, 0]
+    axes[..., 1, :] = cy * beneath[..., :, 1] - sy * beneath[..., :, 0]
+    axes[..., 2, :] = beneath[..., :, 2]
+    levers = tool[..., None, None, :] - np.stack(plates, axis=-2)[..., None, :]
+    found = np.zeros((*points.shape[:-2], count, 6, 6))  # of one platform each, its columns in rows
+    found[..., :3, :3] = np.swapaxes(beneath, -1, -2)
+    found[..., 3:, :3] = cross(axes, levers)
+    found[..., 3:, 3:] = axes
+    return np.swapaxes(found.reshape(*points.shape[:-2], 6 * count, 6), -1, -2)
 
 
 def equal_platforms_pose(translation_mm: Floats, attitude_rad: Floats, tool_mm: Floats = TIP_MM) -> StackPose:
@@ -82,7 +82,7 @@ def _plates(points: Floats, dimensions: StackDimensions) -> tuple[list[Floats], 
     plates = []
     for i, platform in enumerate(dimensions.platforms):
         lift = dimensions.base_mm + points[..., i, :3] - np.array([0.0, 0.0, platform.home_height_mm])
-        place = place + np.einsum("...ij,...j->...i", reached[-1], lift)
+        place = place + (reached[-1] @ lift[..., None])[..., 0]
         plates.append(place)
         reached.append(reached[-1] @ turns[..., i, :, :])
     return plates, reached

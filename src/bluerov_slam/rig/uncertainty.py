@@ -5,7 +5,8 @@ again: dx = -(dl/dx)^-1 dl. With n along the leg, one leg's distance has the var
 
     (n . darm/dtheta)^2 (servo^2 + slop^2) + rod^2 + (n . arm direction)^2 arm^2 + 2 joint^2
 
-(two joints, each coordinate alike, n of unit length). Platforms are independent; the stack's derivative adds them up.
+(two joints, each coordinate alike, n of unit length). The legs are independent but for the settings of facing servos,
+which may be correlated. Platforms are independent; the stack's derivative adds them up.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bluerov_slam.rig.dimensions import LEGS
 from bluerov_slam.rig.forward import plate_pose
 from bluerov_slam.rig.leg_lengths import leg_lengths
 from bluerov_slam.rig.platform import arm_vectors_mm, inverse, servo_angles_rad
@@ -31,14 +33,18 @@ def set_point_covariance(set_points: Floats, dimensions: PlatformDimensions, spr
     legs = leg_lengths(points, angles, dimensions)
     arm_directions = arm_vectors_mm(angles, dimensions) / dimensions.arm_mm[..., None]
     along_arm = np.sum(legs.along * arm_directions, axis=-1)
-    variance = (
-        legs.by_servo_mm**2 * (spread.servo_rad**2 + spread.slop_rad**2)
-        + spread.rod_mm**2
-        + along_arm**2 * spread.arm_mm**2
-        + 2.0 * spread.joint_mm**2
-    )
+    own = spread.rod_mm**2 + along_arm**2 * spread.arm_mm**2 + 2.0 * spread.joint_mm**2
+    lengths = own[..., None, :] * np.eye(LEGS)
+    lengths += legs.by_servo_mm[..., :, None] * servo_covariance(spread) * legs.by_servo_mm[..., None, :]
     back = inverse(legs.by_set_point)
-    return np.asarray((back * variance[..., None, :]) @ np.swapaxes(back, -1, -2))
+    return np.asarray(back @ lengths @ np.swapaxes(back, -1, -2))
+
+
+def servo_covariance(spread: ManufacturingSpread) -> Floats:
+    """Of the six servo angles of a platform, (6, 6), rad^2."""
+    facing = np.kron(np.eye(LEGS // 2), np.array([[0.0, 1.0], [1.0, 0.0]]))
+    settings = spread.servo_rad**2 * (np.eye(LEGS) + spread.pair_correlation * facing)
+    return np.asarray(settings + spread.slop_rad**2 * np.eye(LEGS))
 
 
 def pose_covariance(set_points: Floats, dimensions: StackDimensions, spread: ManufacturingSpread) -> Floats:
@@ -79,7 +85,7 @@ def _made(
     def around(values: Floats, deviation: float) -> Floats:
         return values + deviation * random.standard_normal((count, *values.shape))
 
-    angles = around(servo_angles_rad(point, dimensions), float(np.hypot(spread.servo_rad, spread.slop_rad)))
+    servos = random.multivariate_normal(np.zeros(LEGS), servo_covariance(spread), count)
     real = replace(
         dimensions,
         base_joints_mm=around(dimensions.base_joints_mm, spread.joint_mm),
@@ -87,4 +93,4 @@ def _made(
         arm_mm=around(dimensions.arm_mm, spread.arm_mm),
         rod_mm=around(dimensions.rod_mm, spread.rod_mm),
     )
-    return plate_pose(angles, real, point).set_point
+    return plate_pose(servo_angles_rad(point, dimensions) + servos, real, point).set_point
