@@ -10,7 +10,6 @@ from bluerov_slam.rig.demo import axis_limits, circle
 from bluerov_slam.rig.dimensions import FO_SHIP
 from bluerov_slam.rig.trajectory import SERVO_SPEED_RADPS, published_steps, smooth_path
 
-
 PUBLISHED = [("gradual", False, 16), ("gradual", True, 24), ("rapid", False, 6), ("rapid", True, 20)]
 
 
