@@ -8,6 +8,7 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS: dict[str, str] = {
+    "collect": "rig_collect",
     "evaluate": "rig_evaluate",
 }
 
