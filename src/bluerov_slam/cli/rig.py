@@ -9,7 +9,11 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS: dict[str, str] = {
     "collect": "rig_collect",
+    "demo": "rig_demo",
     "evaluate": "rig_evaluate",
+    "plan": "rig_plan",
+    "pose": "rig_pose",
+    "workspace": "rig_workspace",
 }
 
 

@@ -36,6 +36,7 @@ from bluerov_slam.rig.collection import (
     Start,
 )
 from bluerov_slam.rig.collection_truth import truth_of
+from bluerov_slam.rig.workspace import PlatformWorkspace
 from bluerov_slam.simulation.rig import RigFigures, ServoFault, SimulatedRig, Track
 from bluerov_slam.simulation.rig_receiver import Heard, ReceiverFigures, SimulatedReceiver, euler_rad
 
@@ -119,6 +120,7 @@ class _Bench:
         self._receiver = SimulatedReceiver(
             job.seed, job.session.transmitter_mm, job.receiver, start_yaw, set_seed=job.rig_seed
         )
+        self._workspace = PlatformWorkspace()
         self._now_s = 0.0
         self._track: Track | None = None
         self._heard: Heard | None = None
@@ -138,10 +140,9 @@ class _Bench:
         self._chain = OurChain(self._receiver.array, self._receiver.surveyed_mm, home, home_mm)
 
     def reachable(self, set_point: Array) -> str:
-        """Whether every servo has an angle for it."""
-        counts = self._rig.counts_for(np.tile(set_point, (PLATFORMS, 1)))
-        lost = np.argwhere(~np.isfinite(counts))
-        return "" if not len(lost) else f"servo {lost[0, 1]} of platform {lost[0, 0]} cannot go there"
+        """Why the drawn rig cannot go there, "" if it can."""
+        limit = self._workspace.broken(set_point)
+        return "" if limit is None else limit.words
 
     def do(self, action: Action) -> Event | None:
         """One action on the simulated rig and receiver."""
