@@ -48,6 +48,8 @@ class PlatformDimensions:
         home_height_mm: of the plate over the servo axes' plane at set point zero.
         plate_radius_mm: root mean square distance of the plate's joints from its middle, (...): what a radian is worth.
         legs: the same in plain numbers; empty for a batch.
+        to_arm_planes: (18, 13), empty for a batch. Times (nine numbers of the plate's rotation row by row, x, y, z, 1)
+            it is each plate joint from its servo's axis: along the level arm, across it, upwards, six of each.
     """
 
     base_joints_mm: Floats
@@ -58,6 +60,7 @@ class PlatformDimensions:
     home_height_mm: float = float(-HOME_MM[2])
     plate_radius_mm: Floats = field(init=False, repr=False)
     legs: tuple[Leg, ...] = field(init=False, repr=False)
+    to_arm_planes: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Freeze the arrays and put the legs into plain numbers."""
@@ -77,6 +80,7 @@ class PlatformDimensions:
         object.__setattr__(self, "plate_radius_mm", radius)
         legs = () if self.batched else tuple(map(self._leg, range(LEGS)))
         object.__setattr__(self, "legs", legs)
+        object.__setattr__(self, "to_arm_planes", np.empty((0, 13)) if self.batched else self._arm_planes())
 
     @property
     def batched(self) -> bool:
@@ -88,6 +92,16 @@ class PlatformDimensions:
         bearing = self.arm_bearings_rad[i]
         numbers = (*self.base_joints_mm[i], *self.plate_joints_mm[i], np.cos(bearing), np.sin(bearing))
         return Leg(*map(float, (*numbers, self.arm_mm[i], self.rod_mm[i])))
+
+    def _arm_planes(self) -> Floats:
+        level = np.stack([np.cos(self.arm_bearings_rad), np.sin(self.arm_bearings_rad), np.zeros(LEGS)], axis=-1)
+        across = np.stack([-level[:, 1], level[:, 0], np.zeros(LEGS)], axis=-1)
+        up = np.tile([0.0, 0.0, -1.0], (LEGS, 1))
+        ways = np.concatenate([level, across, up])
+        plate, base = np.tile(self.plate_joints_mm, (3, 1)), np.tile(self.base_joints_mm, (3, 1))
+        of_rotation = (ways[:, :, None] * plate[:, None, :]).reshape(3 * LEGS, 9)
+        home = np.array([0.0, 0.0, -self.home_height_mm])
+        return np.concatenate([of_rotation, ways, np.sum(ways * (home - base), axis=-1, keepdims=True)], axis=-1)
 
     @staticmethod
     def symmetric(

@@ -38,8 +38,8 @@ Branch = Literal["down", "up"]
 
 FEW = 16
 """Up to so many platforms plain sums are faster than NumPy."""
-_CHUNK = 8192
-"""Platforms calculated at a time: their arrays stay small, and NumPy's calls few."""
+_CHUNK = 2048
+"""Platforms calculated at a time: their arrays stay in the processor's cache."""
 
 
 def servo_angles_rad(set_points: Floats, dimensions: PlatformDimensions, branch: Branch = "down") -> Floats:
@@ -52,13 +52,14 @@ def servo_angles_rad(set_points: Floats, dimensions: PlatformDimensions, branch:
             return np.array(_angles_of_one(points.tolist(), legs, home, side))
         rows = [_angles_of_one(point, legs, home, side) for point in points.reshape(-1, 6).tolist()]
         return np.array(rows).reshape(points.shape)
-    if dimensions.batched:
-        return _angles_of_many(points, dimensions, side)
-    flat = points.reshape(-1, 6)
-    found = np.empty_like(flat)
-    for begin in range(0, len(flat), _CHUNK):
-        found[begin : begin + _CHUNK] = _angles_of_many(flat[begin : begin + _CHUNK], dimensions, side)
-    return found.reshape(points.shape)
+    with np.errstate(invalid="ignore"):  # a root of less than nothing is NaN: out of reach
+        if dimensions.batched:
+            return _angles_of_unequal(points, dimensions, side)
+        flat = points.reshape(-1, 6)
+        found = np.empty_like(flat)
+        for begin in range(0, len(flat), _CHUNK):
+            found[begin : begin + _CHUNK] = _angles_of_many(flat[begin : begin + _CHUNK], dimensions, side)
+        return found.reshape(points.shape)
 
 
 def published_servo_angles_rad(set_points: Floats, dimensions: PlatformDimensions) -> Floats:
@@ -166,28 +167,36 @@ def _angles_of_one(point: Sequence[float], legs: Sequence[Leg], home_mm: float, 
 
 
 def _angles_of_many(points: Floats, dimensions: PlatformDimensions, side: float) -> Floats:
-    """The same over arrays, leg by leg along the first axis so that each sum runs over all platforms at once."""
-    with np.errstate(invalid="ignore"):
-        x, y, z = np.moveaxis(points[..., :3], -1, 0)
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotations(points[..., 3:]), (-2, -1), (0, 1))
-        bx, by, bz = _legs_first(dimensions.base_joints_mm, points, 2)
-        px, py, pz = _legs_first(dimensions.plate_joints_mm, points, 2)
-        bearing = _legs_first(dimensions.arm_bearings_rad, points, 1)
-        arm, rod = _legs_first(dimensions.arm_mm, points, 1), _legs_first(dimensions.rod_mm, points, 1)
-        qx = xx * px + xy * py + xz * pz + x - bx
-        qy = yx * px + yy * py + yz * pz + y - by
-        c = bz - (zx * px + zy * py + zz * pz) - (z - dimensions.home_height_mm)
-        a = np.cos(bearing) * qx + np.sin(bearing) * qy
-        k = qx * qx + qy * qy + c * c + (arm * arm - rod * rod)
-        r = side * np.sqrt(4.0 * arm * arm * (a * a + c * c) - k * k)
-        angles = np.arctan2(c * k + a * r, a * k - c * r)
-    return np.moveaxis(angles, 0, -1)
+    """The same over set points (n, 6): one product with `to_arm_planes`, then sums over all legs at once."""
+    ahead, across, up = (dimensions.to_arm_planes @ _pose_numbers(points)).reshape(3, LEGS, -1)
+    arm, rod = dimensions.arm_mm[:, None], dimensions.rod_mm[:, None]
+    square = ahead * ahead + up * up
+    k = square + across * across
+    k += arm * arm - rod * rod
+    return _angle(ahead, up, k, 4.0 * arm * arm * square, side).T
 
 
-def _legs_first(values: Floats, points: Floats, axes: int) -> Floats:
-    """Dimensions (..., 6) or (..., 6, 3) with the legs (after the coordinate) before the axes of the set points."""
-    lead = values.reshape((1,) * (points.ndim - 1 - (values.ndim - axes)) + values.shape)
-    return np.moveaxis(lead, (-1, -2), (0, 1)) if axes == 2 else np.moveaxis(lead, -1, 0)
+def _angles_of_unequal(points: Floats, dimensions: PlatformDimensions, side: float) -> Floats:
+    """The same for platforms that each have dimensions of their own."""
+    q = _joints_from_axes_mm(points, dimensions)
+    ahead, up = _in_arm_plane(q, dimensions)
+    arm, rod = dimensions.arm_mm, dimensions.rod_mm
+    k = arm * arm - rod * rod + np.sum(q * q, axis=-1)
+    return _angle(ahead, up, k, 4.0 * arm * arm * (ahead * ahead + up * up), side)
+
+
+def _angle(ahead: Floats, up: Floats, k: Floats, h_squared: Floats, side: float) -> Floats:
+    root = side * np.sqrt(h_squared - k * k)
+    return np.arctan2(up * k + ahead * root, ahead * k - up * root)
+
+
+def _pose_numbers(points: Floats) -> Floats:
+    """Of set points (n, 6) the thirteen numbers that `to_arm_planes` takes, (13, n)."""
+    found = np.empty((13, len(points)))
+    found[:9] = np.moveaxis(rotations(points[:, 3:]), 0, -1).reshape(9, -1)
+    found[9:12] = points[:, :3].T
+    found[12] = 1.0
+    return found
 
 
 def _joints_from_axes_mm(points: Floats, dimensions: PlatformDimensions) -> Floats:
