@@ -39,7 +39,7 @@ LINK_SILENCE_S = 0.5
 """Without an intact frame for so long the firmware stops what it moves."""
 POLL_S = 0.1
 """How often to ask WHERE during a motion, so that the link is not silent."""
-ANSWER_WAIT_S = 0.5
+ANSWER_WAIT_S = 0.2
 TRIES = 3
 MAX_READINGS = 64
 TRANSLATION_LIMIT_MM = 100.0

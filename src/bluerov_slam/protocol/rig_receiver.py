@@ -90,9 +90,9 @@ class NumberDecoder:
         while self._pending:
             start = self._pending.find(_START)
             self._skip(len(self._pending) if start < 0 else start)
-            end = self._pending.find(_END)
+            end = self._pending.find(_END, 0, _MAX_NUMBER_BYTES)
             if end < 0:
-                if len(self._pending) > _MAX_NUMBER_BYTES:
+                if len(self._pending) >= _MAX_NUMBER_BYTES:
                     found.append(self._fault(NumberFault.TOO_LONG))
                     self._skip(1)
                     continue
