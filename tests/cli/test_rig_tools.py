@@ -1,4 +1,4 @@
-"""`bluerov-slam rig pose`, `workspace`, `plan`, `demo`: figures for a person, tables for a program, reasons in a line."""
+"""`bluerov-slam rig pose`, `workspace`, `plan`, `demo`: figures for a person, tables for a program, reasons."""
 
 import csv
 import re
