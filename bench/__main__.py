@@ -22,6 +22,7 @@ MODULES = (
     "acoustic_solvers",
     "simulated_dive",
     "acoustic_records",
+    "rig_kinematics",
 )
 RESULTS = Path(__file__).parent / "results.json"
 

@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.statistics import Interval
 
-MODULES = ("rig_calibration_cases",)
+MODULES = (
+    "rig_kinematics_cases",
+    "rig_calibration_cases",
+)
 """Modules of this package, in the order of the table."""
 
 
