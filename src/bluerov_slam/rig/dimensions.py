@@ -7,7 +7,7 @@ x' = -y, y' = -x, z' = -z of this one: the bearing -90 deg - phi here (from x to
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,8 +248,3 @@ class ManufacturingSpread:
     joint_mm: float = 0.0
     stacking_mm: float = 0.0
     pair_correlation: float = 0.0
-
-    def scaled(self, factor: float) -> ManufacturingSpread:
-        """Every standard deviation times a factor."""
-        deviations = ("servo_rad", "slop_rad", "rod_mm", "arm_mm", "joint_mm", "stacking_mm")
-        return replace(self, **{name: factor * getattr(self, name) for name in deviations})
