@@ -120,12 +120,12 @@ def _best_condition(space: StackWorkspace, pose: StackPose, points: Floats) -> F
     """Down the slope of the summed logarithms of the conditions, within the limits, while it gets better."""
     model, length = space.model, 0.3
     best, value = points, float(np.log(_conditions(space, points)).sum())
-    for _ in range(10):
+    for _ in range(6):
         slope = _condition_slope(space, best)
         slope /= max(float(np.abs(slope).max()), 1e-9)
         target = best / model.scale - length * slope
         tried = best
-        for _ in range(4):
+        for _ in range(3):
             reach = model.evaluate(tried)
             step = model.step(reach, model.lacking(reach, pose), LEVEL, 1e-6, _PULL, target)
             tried = tried + _cut(step.move) * model.scale

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from bluerov_slam.rig.stack import StackPose
 
 LEG_MARGINS = 3 * LEGS
+ROUNDS = 6
+"""Rounds of one step that look for the margins in its way; more change nothing."""
 _STEEPEST = 1e-3
 """Least share of the rod along the arm's travel in a derivative: it is zero at the root."""
 
@@ -155,38 +157,54 @@ class ReachModel:
         damping: float = 1e-3,
         pull: float = 0.0,
         anchor: Floats | float = 0.0,
+        rounds: int = ROUNDS,
     ) -> Step:
-        """Towards the pose and all margins above the level; `pull` also towards the anchor, scaled set points."""
+        """Towards the pose and all margins above the level; `pull` also towards the anchor, scaled set points.
+
+        Which margins are short after the step is found in rounds: each takes those short after the one before.
+        """
         level = np.asarray(level)[..., None, None] if np.ndim(level) else level
-        short = np.maximum(level - reach.legs, 0.0)
-        slope = np.where(short[..., None] > 0.0, reach.legs_by, 0.0)
-        across = np.swapaxes(slope, -1, -2)
-        beyond = np.maximum(np.abs(reach.scaled) - (self.ranges - level), 0.0)
-        inward = -np.sign(reach.scaled) * beyond
-        system = np.empty((*reach.scaled.shape, 7))
-        system[..., :6] = reach.tool_by
-        system[..., 6] = (across @ short[..., None])[..., 0] + inward + pull * (anchor - reach.scaled)
-        blocks = across @ slope
-        index = np.arange(6)
-        blocks[..., index, index] += damping + pull + (beyond > 0.0)
-        solved = np.linalg.solve(blocks, system)
-        flat = (*reach.scaled.shape[:-2], 6 * self.count)
-        gain = solved[..., :6].reshape(*flat, 6)
-        free = solved[..., 6].reshape(flat)
+        lead = reach.scaled.shape[:-2]
+        flat = (*lead, 6 * self.count)
         tool = reach.tool_by.reshape(*flat, 6)
         whole = np.swapaxes(tool, -1, -2)
-        want = lacking - (whole @ free[..., None])[..., 0]
-        forces = np.linalg.solve(whole @ gain, want[..., None])
-        move = ((gain @ forces)[..., 0] + free).reshape(reach.scaled.shape)
-        # What stays short after the step weighs the margins into a bound from above, if the problem were linear.
-        legs = reach.legs + (reach.legs_by @ move[..., None])[..., 0]
-        axes = self.ranges - np.abs(reach.scaled + move)
-        short_legs = np.where(short > 0.0, np.maximum(level - legs, 0.0), 0.0)
-        short_axes = np.where(beyond > 0.0, np.maximum(level - axes, 0.0), 0.0)
+        missing, room = level - reach.legs, self.ranges - level
+        across = np.swapaxes(reach.legs_by, -1, -2)
+        index = np.arange(6)
+        system = np.empty((*reach.scaled.shape, 7))
+        system[..., :6] = reach.tool_by
+        short = missing > 0.0
+        beyond = np.abs(reach.scaled) > room
+        side = np.sign(reach.scaled)
+        pulled = pull * (anchor - reach.scaled)
+        move = np.zeros(reach.scaled.shape)
+        legs, scaled = reach.legs, reach.scaled
+        for _ in range(rounds):
+            weighed = across * short[..., None, :]
+            blocks = weighed @ reach.legs_by
+            blocks[..., index, index] += damping + pull + beyond
+            inward = np.where(beyond, side * room - reach.scaled, 0.0)
+            system[..., 6] = (weighed @ missing[..., None])[..., 0] + inward + pulled
+            solved = np.linalg.solve(blocks, system)
+            gain = solved[..., :6].reshape(*flat, 6)
+            free = solved[..., 6].reshape(flat)
+            want = lacking - (whole @ free[..., None])[..., 0]
+            forces = np.linalg.solve(whole @ gain, want[..., None])
+            move = ((gain @ forces)[..., 0] + free).reshape(reach.scaled.shape)
+            legs = reach.legs + (reach.legs_by @ move[..., None])[..., 0]
+            scaled = reach.scaled + move
+            now_short, now_beyond, now_side = legs < level, np.abs(scaled) > room, np.sign(scaled)
+            if (now_short == short).all() and (now_beyond == beyond).all():
+                break
+            short, beyond, side = now_short, now_beyond, now_side
+        # What stays short weighs the margins into a bound from above, if the problem were linear.
+        axes = self.ranges - np.abs(scaled)
+        short_legs = np.maximum(level - legs, 0.0)
+        short_axes = np.maximum(level - axes, 0.0)
         weight = short_legs.sum(axis=(-1, -2)) + short_axes.sum(axis=(-1, -2))
-        weighted = (short_legs * legs).sum(axis=(-1, -2)) + (short_axes * np.where(short_axes > 0, axes, 0.0)).sum(
-            axis=(-1, -2)
-        )
+        weighted = (short_legs * legs).sum(axis=(-1, -2))
+        if self.bounded:
+            weighted = weighted + (short_axes * axes).sum(axis=(-1, -2))
         bound = np.where(weight > 1e-9, weighted / np.maximum(weight, 1e-12), np.inf)
         return Step(move, bound)
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bluerov_slam.rig.dimensions import FO_SHIP, FO_SHIP_PLATFORM, LEGS
+from bluerov_slam.rig.edge import SPREAD
+from bluerov_slam.rig.edge_of_fo_ship import edge_of_fo_ship
 from bluerov_slam.rig.limits import (
     FO_SHIP_LIMITS,
     Limit,
@@ -30,10 +32,19 @@ if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, PlatformDimensions, StackDimensions
     from bluerov_slam.rig.reach import Reach
 
-MOST_STEPS = 12
+MOST_STEPS = 30
+FEW_STEPS = 5
+"""Of the fast membership test, which then takes the bound for the answer."""
+DOUBT = 0.1
+"""Within this share of the learnt edge a search is run; further away the edge answers."""
+_LEAN, _SHIFT, _PLAIN = 0.1, 0.004, 0.015
+"""How the bound (a margin) and the learnt edge make one answer: chosen on seed 11, see docs/rig-workspace.md."""
 LEVEL = 2e-3
 """Margin that a search aims at, so that it ends inside and not on the limit."""
 LONGEST_STEP = 0.7
+_ABOVE, _RISE = 0.01, 0.05
+"""How far above the bound, and faster than what, the level of the search for the largest margin is raised."""
+_ROUNDING = 1e-9
 PLACE_MM = 1e-3
 TURN_RAD = 1e-5
 """A pose is made when the tool is this near."""
@@ -137,10 +148,42 @@ class StackWorkspace:
         self.model = ReachModel(dimensions, limits)
         self.dimensions, self.limits = dimensions, self.model.limits
         self._home = stack_pose(np.zeros((self.model.count, 6)), dimensions)
+        self.edge = edge_of_fo_ship() if dimensions is FO_SHIP and limits is FO_SHIP_LIMITS else None
 
     def reaches(self, pose: StackPose) -> bool:
-        """Whether any set points make this pose within all limits."""
-        return self.find(pose).reached
+        """Whether any set points make this pose within all limits.
+
+        Fast and not always right near the edge: a few steps of the search, then its bound and the learnt edge decide
+        together. `find` searches on and gives the set points.
+        """
+        pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
+        share = self.share_of_edge(pose)
+        if abs(share - 1.0) > DOUBT:
+            return share < 1.0
+        model, points = self.model, self.start(pose)
+        prior = _LEAN * (1.0 - share) + _SHIFT
+        for k in range(FEW_STEPS):
+            reach = model.evaluate(points)
+            lacking = model.lacking(reach, pose)
+            if float(model.margin(reach)) >= 0.0 and _made(lacking) and self._clear(points):
+                return True
+            step = model.step(reach, lacking, LEVEL)
+            score = min(float(step.bound), 1.0) + prior
+            if k >= 2 and abs(score) > _PLAIN:
+                break
+            points = points + _cut(step.move) * model.scale
+        return score >= 0.0
+
+    def share_of_edge(self, pose: StackPose) -> float:
+        """How far on the way from home to the learnt edge a pose lies, 1 on it; 1 as well if none is learnt."""
+        if self.edge is None:
+            return 1.0
+        way = np.empty(6)
+        way[:3] = pose.position_mm - self._home.position_mm
+        way[3:] = rotation_vector(pose.rotation)
+        way /= SPREAD
+        length = float(np.sqrt(way @ way))
+        return length / float(self.edge.lengths(way / length)) if length > 0.0 else 0.0
 
     def find(self, pose: StackPose, start: Floats | None = None) -> Found:
         """Search set points that make this pose within all limits."""
@@ -152,27 +195,33 @@ class StackWorkspace:
         """The largest least margin of all set points that make this pose: without unit, negative out of reach."""
         return self.safest(pose).margin
 
-    def safest(self, pose: StackPose, start: Floats | None = None, steps: int = 40) -> Found:
+    def safest(self, pose: StackPose, start: Floats | None = None, steps: int = 30) -> Found:
         """The set points that make this pose with the largest margin."""
         pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
         points = self.start(pose) if start is None else checked_set_points(start)
-        best, margin, level, bound = points, -np.inf, LEVEL, np.inf
-        reach = self.model.evaluate(points)
-        for _ in range(steps):
-            lacking = self.model.lacking(reach, pose)
-            step = self.model.step(reach, lacking, level)
-            move = _cut(step.move)
-            points = points + move * self.model.scale
-            reach = self.model.evaluate(points)
-            least = float(self.model.margin(reach))
-            if _made(self.model.lacking(reach, pose)) and least > margin:
-                gain, margin, best = least - margin, least, points
-                if gain < 1e-5 and bound - margin < 2e-3:
-                    break
-            bound = min(float(step.bound), 1.0)
-            # Just above what there is: the hinges then share what is short.
-            level = bound + 0.01 if np.isfinite(step.bound) else level + 0.1
-        return Found(bool(margin >= 0.0 and self._clear(best)), best, float(margin), bound)
+        model, level, bound = self.model, LEVEL, np.inf
+        best, margin = points, -np.inf
+        for k in range(steps):
+            reach = model.evaluate(points)
+            lacking, least = model.lacking(reach, pose), float(model.margin(reach))
+            if least > margin and np.abs(lacking[:3]).max() < 50.0 * PLACE_MM:
+                best, margin = points, least
+            step = model.step(reach, lacking, level)
+            # Just above what there is: the hinges then share what is short. Closer towards the end.
+            above = _ABOVE if k < steps // 2 else 0.3 * _ABOVE
+            bound = float(step.bound)
+            level = min(bound + above, level + _RISE) if np.isfinite(bound) else max(least, level) + _RISE
+            points = points + _cut(step.move) * model.scale
+        for _ in range(4):
+            reach = model.evaluate(best)
+            lacking = model.lacking(reach, pose)
+            if _made(lacking):
+                break
+            best = best + _cut(model.step(reach, lacking, max(margin, LEVEL)).move) * model.scale
+        reach = model.evaluate(best)
+        made = _made(model.lacking(reach, pose))
+        margin = float(model.margin(reach)) if made else min(margin, bound, -_ROUNDING)
+        return Found(bool(made and margin >= 0.0 and self._clear(best)), best, margin, bound)
 
     def nearest(self, pose: StackPose) -> Nearest:
         """The reachable pose next to this one, a radian weighed as 200 mm, with the limit that is in the way."""
