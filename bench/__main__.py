@@ -23,6 +23,7 @@ MODULES = (
     "simulated_dive",
     "acoustic_records",
     "rig_kinematics",
+    "rig",
 )
 RESULTS = Path(__file__).parent / "results.json"
 

@@ -12,11 +12,15 @@ from bluerov_slam.cli.evaluate import as_text
 from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bluerov_slam.acoustics.thesis_log import ThesisLog
     from bluerov_slam.evaluation.navigation_table import Row
     from bluerov_slam.evaluation.rig_cases import RigCase
 
 DEFAULT_BASE, TUNING_SEEDS = 1000, 100
 DATA_VARIABLE = "BLUEROV_SLAM_DATA"
+THESIS_LOGS = Path("isbl_thesis") / "raw_logs.tar.gz"
 _BESIDE_THE_CHECKOUT = Path(__file__).resolve().parents[4] / "shared" / "data"
 
 
@@ -38,22 +42,23 @@ _BESIDE_THE_CHECKOUT = Path(__file__).resolve().parents[4] / "shared" / "data"
 def command(effort: float, seed: int, cases: str, json_file: Path | None, data_folder: Path) -> None:
     """Run the cases R1... (docs/rig-calibration.md) and print what came out beside what must come out."""
     from bluerov_slam.evaluation.rig_cases import RigRun
+    from bluerov_slam.sources.isbl_thesis_log import read_thesis_logs
 
     if seed < TUNING_SEEDS:
         click.echo(f"Seeds below {TUNING_SEEDS} were used for tuning: the figures are no test", err=True)
     rows: list[Row] = []
     for case in _wanted(cases):
-        folder = data_folder / case.material
-        if case.material and not folder.is_dir():
-            click.echo(f"{case.id} is left out: it needs the recordings in {folder} (set {DATA_VARIABLE})", err=True)
-            continue
+        logs: Sequence[ThesisLog] = ()
+        if case.needs_logs:
+            archive = data_folder / THESIS_LOGS
+            if not archive.is_file():
+                click.echo(
+                    f"{case.id} is left out: it needs the recordings in {archive} (set {DATA_VARIABLE})", err=True
+                )
+                continue
+            logs = read_thesis_logs(archive).logs
         click.echo(f"{case.id} {case.title}", err=True)
-        files = (
-            {each.name: each.read_bytes() for each in sorted(folder.iterdir()) if each.is_file()}
-            if case.material
-            else {}
-        )
-        rows += case.run(RigRun(seed, effort, files))
+        rows += case.run(RigRun(seed, effort, logs))
     click.echo(as_text(rows))
     if json_file is not None:
         json_file.write_text(json.dumps([row.as_json() for row in rows], indent=1) + "\n", encoding="utf-8")

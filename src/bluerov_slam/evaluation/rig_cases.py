@@ -6,26 +6,27 @@ A case lives in a module that ends with `CASES = (RigCase(...), ...)`; naming th
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.statistics import Interval
 
-MODULES = (
-    "rig_kinematics_cases",
-    "rig_calibration_cases",
-)
+if TYPE_CHECKING:
+    from bluerov_slam.acoustics.thesis_log import ThesisLog
+
+MODULES = ("rig_kinematics_cases", "rig_calibration_cases", "rig_motion_cases")
 """Modules of this package, in the order of the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class RigRun:
-    """What a case may use: how much is drawn, by which seed, and the files of its recordings by name."""
+    """What a case may use: how much is drawn, by which seed, and the thesis's logs where it needs them."""
 
     seed: int = 1000
     effort: float = 1.0
-    files: Mapping[str, bytes] = field(default_factory=dict)
+    logs: Sequence[ThesisLog] = ()
 
     def count(self, full: int, least: int = 1) -> int:
         """How many draws of a case that takes `full` at the effort of 1."""
@@ -34,12 +35,12 @@ class RigRun:
 
 @dataclass(frozen=True)
 class RigCase:
-    """A group of figures; `material` is the folder of real recordings without which it cannot run."""
+    """A group of figures; `needs_logs`: it cannot run without the thesis's real logs."""
 
     id: str
     title: str
     run: Callable[[RigRun], list[Row]]
-    material: str = ""
+    needs_logs: bool = False
 
 
 def all_cases() -> dict[str, RigCase]:

@@ -1,4 +1,4 @@
-"""R1 to R3: one platform's kinematics there and back, and the pose uncertainty against rigs built at random."""
+"""R1 to R4: kinematics there and back, the truth of real logs, pose uncertainty against rigs built at random."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from bluerov_slam.evaluation.navigation_table import Row
 from bluerov_slam.evaluation.rig_cases import RigCase, RigRun, figure
+from bluerov_slam.evaluation.thesis_checks import check_truth
 from bluerov_slam.rig.dimensions import FO_SHIP, FO_SHIP_PLATFORM
 from bluerov_slam.rig.forward import plate_pose
 from bluerov_slam.rig.platform import joints_mm, published_servo_angles_rad, servo_angles_rad
@@ -17,6 +18,7 @@ from bluerov_slam.rig.validation import stated_spread
 from bluerov_slam.rig.workspace import PlatformWorkspace
 
 _POSES, _COMMANDS, _STACKS, _RIGS = 100_000, 20_000, 10, 4_000
+_LOG_TOLERANCE_MM = 0.0101
 
 
 def round_trip(run: RigRun) -> list[Row]:
@@ -53,6 +55,15 @@ def convergence(run: RigRun) -> list[Row]:
     ]  # fmt: skip
 
 
+def logged_truth(run: RigRun) -> list[Row]:
+    """R3: the truth of the thesis's 27 logs, by the kinematics of equal platforms."""
+    found = check_truth(run.logs, _LOG_TOLERANCE_MM)
+    return [
+        figure("R3", f"truth of {len(run.logs)} real logs: RMS on each axis", found.rms_mm, "mm", high=0.005),
+        figure("R3.rows", f"rows of {found.rows} reproduced to 0.01 mm", 100.0 * found.met / found.rows, "%", low=98.0),
+    ]
+
+
 def covariance(run: RigRun) -> list[Row]:
     """Scatter of rigs built at random, whitened by the covariance that the derivatives give: 1 in every direction."""
     spread = stated_spread()
@@ -69,9 +80,9 @@ def covariance(run: RigRun) -> list[Row]:
     # Extreme directions of a sample of `count` in six dimensions lie about sqrt(6 / count) off either way, twice over.
     band = 4.0 * math.sqrt(6.0 / count)
     return [
-        figure("R3.most", "pose covariance: most scatter in any direction, of that told", float(np.max(ratios)), "1",
+        figure("R4.most", "pose covariance: most scatter in any direction, of that told", float(np.max(ratios)), "1",
                high=1.0 + band),
-        figure("R3.least", "pose covariance: least scatter in any direction, of that told", float(np.min(ratios)), "1",
+        figure("R4.least", "pose covariance: least scatter in any direction, of that told", float(np.min(ratios)), "1",
                low=1.0 - band),
     ]  # fmt: skip
 
@@ -84,5 +95,6 @@ def _worst(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
 CASES = (
     RigCase("R1", "servo angles and back", round_trip),
     RigCase("R2", "forward kinematics", convergence),
-    RigCase("R3", "pose uncertainty", covariance),
+    RigCase("R3", "truth of the thesis's logs", logged_truth, needs_logs=True),
+    RigCase("R4", "pose uncertainty", covariance),
 )

@@ -13,6 +13,7 @@ nothing could tell which of the two moved. Here every platform leans another way
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,10 @@ Servo = tuple[int, int]
 
 STEP_RAD = float(np.radians(10.0))
 _LEAN_RAD = float(np.radians(9.0))
+LEAN_STD_RAD, PLAY = float(np.radians(0.9)), 0.12
+"""Of a good rig never measured before: zeros within the gauge lean the stance by 0.7 degrees, its gains differ."""
+LEAN_AGAIN_STD_RAD, PLAY_AGAIN = float(np.radians(0.25)), 0.04
+"""Of a good rig against itself."""
 ALARM = 0.9999
 """A servo is only accused beyond this: of 24 good ones, one in 400 tests."""
 _GAIN = 14.0
@@ -116,16 +121,17 @@ class _Fault:
 class ServoTest:
     """The test of one rig.
 
-    `imu_std_rad`: of a turn between two readings at rest, each axis. `level_std_rad`: how well the IMU knows roll and
-    pitch by themselves. `play`: how much an answer may differ of itself, as a share of it.
+    `against` an earlier run of the same rig, known to be good, its own build and gains drop out, and much smaller
+    faults show. `imu_std_rad`: of a turn between two readings at rest, each axis. `level_std_rad`: how far
+    the stance of a good rig may lean from what is expected. `play`: how far its answers may differ, as a share.
     """
 
     def __init__(
         self,
         dimensions: StackDimensions = FO_SHIP,
-        imu_std_rad: float = float(np.radians(0.15)),
-        level_std_rad: float = float(np.radians(0.4)),
-        play: float = 0.05,
+        imu_std_rad: float = float(np.radians(0.2)),
+        level_std_rad: float = LEAN_STD_RAD,
+        play: float = PLAY,
         step_rad: float = STEP_RAD,
     ) -> None:
         self._dimensions = dimensions
@@ -145,6 +151,9 @@ class ServoTest:
         self._level = self._tool(told)[0]
         _, self._expected = self._predict(told)
         self._faults: list[_Fault] = []
+        self._fault_leans, self._fault_answers = np.empty((0, 2)), np.empty((0, len(self.servos), 6))
+        # Of the rig as it was against the drawing: (2,) and (servos, 6).
+        self._own_lean, self._own_answers = np.zeros(2), np.zeros_like(self._expected)
 
     @property
     def stance_angles_rad(self) -> Floats:
@@ -155,15 +164,25 @@ class ServoTest:
         """For every servo up, then down: which it is, and the servo angles (platforms, 6) to go to."""
         return tuple((self.servos[k // 2], angles.copy()) for k, angles in enumerate(self._told[1:]))
 
+    def against(self, before: tuple[Floats, Floats]) -> ServoTest:
+        """The same test against an earlier run of the same rig; what was calculated is kept."""
+        self._known_faults()
+        again = copy(self)
+        again._imu_std_rad *= 2.0**0.5  # both runs are noisy
+        again._level_std_rad, again._play = LEAN_AGAIN_STD_RAD, PLAY_AGAIN
+        again._own_lean, answers = self._measured(*before)
+        again._own_answers = np.nan_to_num(answers - self._expected)
+        return again
+
     def judge(self, rotations_seen: Floats, at_stance: Floats) -> ServoVerdict:
         """What is wrong.
 
         Args:
             rotations_seen: of the IMU after each of `moves`, (2 servos, 3, 3); NaN where not measured.
-            at_stance: at the stance before, (3, 3).
+            at_stance: at the stance, the mean of the readings between the moves, (3, 3).
         """
-        answers = _turns(rotations_seen @ at_stance.T).reshape(len(self.servos), 6)
-        lean = _turns((at_stance @ self._level.T)[None])[0, :2]
+        lean, answers = self._measured(rotations_seen, at_stance)
+        lean, answers = lean - self._own_lean, answers - self._own_answers
         chi = self._chi_square(answers, self._expected)
         tested = np.isfinite(chi)
         limit = chi_square_quantile(ALARM, 6.0)
@@ -174,15 +193,21 @@ class ServoTest:
             findings = [self._explain(int(k), answers) for k in wrong]
         return ServoVerdict(tuple(_pairs_once(findings)), untested, chi.reshape(-1, LEGS))
 
+    def _measured(self, rotations_seen: Floats, at_stance: Floats) -> tuple[Floats, Floats]:
+        """Lean of the stance (2,) and answers (servos, 6)."""
+        answers = _turns(rotations_seen @ at_stance.T).reshape(len(self.servos), 6)
+        return _turns((at_stance @ self._level.T)[None])[0, :2], answers
+
     def _one_fault(self, answers: Floats, lean: Floats, tested: NDArray[np.bool_]) -> list[ServoFinding] | None:
         """The one fault that explains everything; none if all is well already, None if there is no such fault."""
         nothing = self._total(answers, lean, tested, np.zeros(2), self._expected)
-        tries = [(self._total(answers, lean, tested, each.lean, each.answers), each) for each in self._known_faults()]
+        known = self._known_faults()
+        totals = self._totals(answers, lean, tested)
+        near_best = np.flatnonzero(totals <= np.min(totals) + _CLEAR)
+        tries = [(float(totals[k]), known[k]) for k in near_best]
         for k in np.flatnonzero(tested):
-            own = self._expected[k]
-            share = float(answers[k] @ own / (own @ own))
-            weak = self._expected.copy()
-            weak[k] *= share
+            share, weak = self._share(int(k), answers), self._expected.copy()
+            weak[k] = share * (self._expected[k] + self._own_answers[k]) - self._own_answers[k]
             # A servo stuck anywhere leans the stance by any amount: its lean says nothing.
             fault = _Fault(_share_finding(self.servos[k], share), lean if abs(share) < _STUCK else np.zeros(2), weak)
             tries.append((self._total(answers, lean, tested, fault.lean, fault.answers), fault))
@@ -195,6 +220,11 @@ class ServoTest:
         near = [each for chi, each in sorted(tries, key=lambda each: each[0]) if chi < best + _CLEAR]
         return [_with_doubt(fault.finding, [each.finding for each in near])]
 
+    def _totals(self, answers: Floats, lean: Floats, tested: NDArray[np.bool_]) -> Floats:
+        """Chi-squares of all known faults at once."""
+        of_lean = np.sum(((lean - self._fault_leans) / self._level_std_rad) ** 2, axis=1)
+        return np.asarray(of_lean + np.sum(self._chi_square(answers[tested], self._fault_answers[:, tested]), axis=1))
+
     def _total(self, answers: Floats, lean: Floats, tested: NDArray[np.bool_], at: Floats, expected: Floats) -> float:
         of_lean = float(np.sum(((lean - at) / self._level_std_rad) ** 2))
         return of_lean + float(np.sum(self._chi_square(answers, expected)[tested]))
@@ -202,16 +232,21 @@ class ServoTest:
     def _explain(self, k: int, answers: Floats) -> ServoFinding:
         """The fault of one servo whose answer is not its own, among several faults."""
         limit = chi_square_quantile(ALARM, 6.0)
-        servo, own = self.servos[k], self._expected[k]
-        share = float(answers[k] @ own / (own @ own))
+        servo, share = self.servos[k], self._share(k, answers)
+        scaled = share * (self._expected[k] + self._own_answers[k]) - self._own_answers[k]
         tries = [
             (float(self._chi_square(answers[k], each.answers[k])), each.finding)
             for each in self._known_faults()
             if each.finding.servo == servo or (each.finding.fault == "exchanged" and servo in each.finding.others)
         ]
-        tries.append((float(self._chi_square(answers[k], share * own)) + 1.0, _share_finding(servo, share)))
+        tries.append((float(self._chi_square(answers[k], scaled)) + 1.0, _share_finding(servo, share)))
         best, finding = min(tries, key=lambda each: each[0])
         return finding if best <= limit else ServoFinding(servo, "unclear")
+
+    def _share(self, k: int, answers: Floats) -> float:
+        """How much of its usual answer a servo gives."""
+        usual = self._expected[k] + self._own_answers[k]
+        return float((answers[k] + self._own_answers[k]) @ usual / (usual @ usual))
 
     def _known_faults(self) -> list[_Fault]:
         """Every rig with one fault, calculated at the first call."""
@@ -228,6 +263,8 @@ class ServoTest:
                     swapped[:, *servo], swapped[:, *other] = self._told[:, *other], self._told[:, *servo]
                     self._add(swapped, ServoFinding(servo, "exchanged", (other,)))
                 self._add_offsets(servo)
+            self._fault_leans = np.array([each.lean for each in self._faults])
+            self._fault_answers = np.array([each.answers for each in self._faults])
         return self._faults
 
     def _add(self, real: Floats, finding: ServoFinding) -> None:
