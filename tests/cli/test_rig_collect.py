@@ -64,8 +64,18 @@ def test_a_folder_with_something_in_it_is_left_alone(folder):
         (("--transmitter", "1,2"), "three numbers"),
         (("--transmitter", "1,2,3", "--tests", "1"), "give one of them"),
         (("--fault", "stuck 9 9"), "no fault of a servo"),
+        (("--move-for-real",), "give its --port"),
+        (("--port", "/dev/null", "--fault", "stuck 0 0"), "for a simulated rig"),
+        (("--port", "/dev/null", "--move-for-real"), "--receiver-port"),
     ],
 )
 def test_what_makes_no_sense_is_said_in_a_line(tmp_path, arguments, message):
     with pytest.raises(ConfigError, match=message):
         run(tmp_path / "out", *arguments)
+
+
+def test_without_the_flag_a_real_rig_is_only_told_about(tmp_path):
+    output = run(tmp_path / "out", "--port", tmp_path / "nothing", "--tests", "1").output
+    assert "Nothing moves yet" in output
+    assert "all four platforms move (gradual)" in output
+    assert not (tmp_path / "out").exists()

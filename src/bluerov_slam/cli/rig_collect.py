@@ -1,25 +1,30 @@
-"""`bluerov-slam rig collect`: the thesis's experiment with a simulated rig."""
+"""`bluerov-slam rig collect`: the thesis's experiment with a simulated rig, or a real one."""
 
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
 from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.rig_experiment import SessionOutcome
     from bluerov_slam.evaluation.rig_table import Collected
-    from bluerov_slam.rig.collection import Session
+    from bluerov_slam.rig.collection import Action, Point, Session
+    from bluerov_slam.sinks.isbl_thesis_log import ThesisLogWriter
+    from bluerov_slam.sinks.rig_log import RigLogWriter
 
 MOTIONS = ("stationary", "rapid", "gradual")
 TESTS = 9
 
 
-@click.command(name="collect", short_help="Run the thesis's experiment, simulated.")
+@click.command(name="collect", short_help="Run the thesis's experiment, simulated by default.")
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--tests", default="", help="Some of the nine published tests, as 1,4 [default: all].")
 @click.option(
@@ -38,6 +43,11 @@ TESTS = 9
     "--fault", "faults", multiple=True, help="Simulation: 'stuck PLATFORM SERVO' or 'offset PLATFORM SERVO DEG'."
 )
 @click.option("--jobs", default=0, type=click.IntRange(0), help="Simulation: processes; 0: one for each processor.")
+@click.option("--port", type=click.Path(path_type=Path), help="A real rig's serial port (its firmware's link).")
+@click.option(
+    "--receiver-port", type=click.Path(path_type=Path), help="A real rig: the serial port of the acoustic receiver."
+)
+@click.option("--move-for-real", is_flag=True, help="Let a real rig move. Without it only what would move is said.")
 def command(
     folder: Path,
     tests: str,
@@ -48,19 +58,45 @@ def command(
     seed: int,
     faults: tuple[str, ...],
     jobs: int,
+    port: Path | None,
+    receiver_port: Path | None,
+    move_for_real: bool,
 ) -> None:
     """Collect data into FOLDER: a log in the thesis's format and one of ours (JSONL) for each session, and report.html.
 
     A missing point has a reason in our log and no line in the thesis's. See docs/rig-collection.md.
     """
     sessions = _sessions(tests, transmitters, motions, fixes, passes)
+    if port is None and (receiver_port is not None or move_for_real):
+        raise ConfigError("--receiver-port and --move-for-real are for a real rig: give its --port, too")
+    if port is not None and faults:
+        raise ConfigError("--fault is for a simulated rig")
+    if port is not None and not _announced([session for _, session in sessions], move_for_real):
+        return
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ConfigError(f"{folder} is not empty; a collection goes into a folder of its own")
     except OSError as error:
         raise ConfigError(f"cannot use {folder}: {error.strerror}") from error
-    _simulated(folder, sessions, seed, faults, jobs)
+    if port is None:
+        _simulated(folder, sessions, seed, faults, jobs)
+    elif receiver_port is None:
+        raise ConfigError("a real collection needs the receiver's port: --receiver-port")
+    else:
+        _real(folder, sessions, port, receiver_port)
+
+
+def _announced(sessions: list[Session], move_for_real: bool) -> bool:
+    """Says what will move; whether it may."""
+    from bluerov_slam.services.rig import what_moves
+
+    click.echo("The rig will move like this:" if move_for_real else "Nothing moves yet. With --move-for-real:")
+    for line in what_moves(sessions):
+        click.echo(f"  {line}")
+    if move_for_real:
+        click.echo("Keep clear of it. Its button stops it and sends it home; Ctrl-C stops it where it is.")
+    return move_for_real
 
 
 def _sessions(
@@ -162,3 +198,73 @@ def _report(folder: Path, scored: list[Collected], source: str, seed: int | None
                 f"p95 {found.p95_mm:.1f} ({found.count} points)"
             )
     click.echo(f"Logs and report.html are in {folder}")
+
+
+def _real(folder: Path, sessions: list[tuple[int, Session]], port: Path, receiver_port: Path) -> None:
+    from bluerov_slam.evaluation.rig_table import collected
+    from bluerov_slam.rig.collection import Collection, CollectionPlan
+    from bluerov_slam.rig.collection_truth import truth_of
+    from bluerov_slam.rig.workspace import PlatformWorkspace
+    from bluerov_slam.services.rig import connected
+
+    space = PlatformWorkspace()
+
+    def reachable(set_point: NDArray[np.float64]) -> str:
+        limit = space.broken(set_point)
+        return "" if limit is None else limit.words
+
+    plan = CollectionPlan([session for _, session in sessions])
+    logs = _Logs(folder, str(port))
+    try:
+        with connected(port, receiver_port, click.echo) as rig:
+            reason = rig.run(Collection(plan, truth_of, reachable), logs.take)
+    except KeyboardInterrupt:
+        reason = "stopped by Ctrl-C"
+    finally:
+        logs.close()
+    if reason:
+        click.echo(f"Ended early: {reason}", err=True)
+    scored = [
+        collected(session, place, logs.points[session.name])
+        for place, session in sessions
+        if session.name in logs.points
+    ]
+    _report(folder, scored, str(port), None)
+
+
+class _Logs:
+    """Both logs of each session in turn, and its points."""
+
+    def __init__(self, folder: Path, source: str) -> None:
+        self._folder, self._source = folder, source
+        self._open: list[ThesisLogWriter | RigLogWriter] = []
+        self._name = ""
+        self.points: dict[str, list[Point]] = {}
+
+    def take(self, action: Action) -> None:
+        """Write what of an action belongs into the logs. Raises OSError."""
+        from bluerov_slam.rig.collection import Close, Keep, Open
+        from bluerov_slam.sinks import isbl_thesis_log, rig_log
+
+        if isinstance(action, Open):
+            self._name = action.session.name
+            self.points[self._name] = []
+            self._open = [
+                isbl_thesis_log.ThesisLogWriter(self._folder / f"{self._name}{isbl_thesis_log.SUFFIX}", "RIG"),
+                rig_log.RigLogWriter(self._folder / f"{self._name}{rig_log.SUFFIX}", self._source, time.time),
+            ]
+        if isinstance(action, Keep):
+            point = action.point
+            self.points[self._name].append(point)
+            where = f"{point.session} {point.number}: {point.axis} {point.label:g}"
+            click.echo(f"{where}: {point.missing or 'collected'}", err=bool(point.missing))
+        for log in self._open:
+            log.take(action)
+        if isinstance(action, Close):
+            self.close()
+
+    def close(self) -> None:
+        """Close what is open. Raises OSError."""
+        for log in self._open:
+            log.close()
+        self._open = []

@@ -328,6 +328,11 @@ class Collection:
         """Where every platform was last sent, (6,)."""
         return self._at.copy()
 
+    @property
+    def paused(self) -> bool:
+        """Whether the button was pressed and the next press is waited for."""
+        return self._paused
+
     def next(self, event: Event) -> list[Action]:
         """What to do now; empty where the event asks for nothing."""
         if self.finished:

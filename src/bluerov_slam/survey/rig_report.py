@@ -168,10 +168,10 @@ def _missing(sessions: Sequence[Collected]) -> str:
     discarded, withheld = sum(each.discarded for each in sessions), sum(each.withheld for each in sessions)
     lines = "".join(f"<tr><td>{escape(reason)}<td class=n>{count}" for reason, count in lost.most_common())
     table = f"<table><tr><th>Reason<th class=n>points{lines}</table>" if lines else "<p>None is missing.</p>"
-    return (
-        f"<p>{discarded} points follow a DISCARD and are not scored. Our chain withheld {withheld} of the scored "
-        f"points; its errors are those of the others.</p>{table}"
-    )
+    ours = ""
+    if rig_table.honest(sessions, "ours", "published") is not None:
+        ours = f" Our chain withheld {withheld} of the scored points; its errors are those of the others."
+    return f"<p>{discarded} points follow a DISCARD and are not scored.{ours}</p>{table}"
 
 
 def _number(value: float, unit: str = "", digits: int = 1) -> str:
