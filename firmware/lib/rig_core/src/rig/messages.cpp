@@ -5,7 +5,6 @@ namespace brov::rig {
 namespace {
 
 constexpr float kNanoPerMm = 1e6f, kNano = 1e9f;
-constexpr std::size_t kHeader = kFrameOverhead - 1;
 
 std::int32_t get_i32(const std::uint8_t* at) { return static_cast<std::int32_t>(get_u32(at)); }
 
@@ -55,8 +54,8 @@ class Writer {
   // |v| is far below 2.1e9 / scale: set points and angles of a plate.
   Writer& scaled(float v, float scale, bool known) {
     if (!known) return i32(kUnknown32);
-    const float exact = v * scale;
-    return i32(static_cast<std::int32_t>(exact < 0.0f ? exact - 0.5f : exact + 0.5f));
+    const auto size = static_cast<std::int32_t>((v < 0.0f ? -v : v) * scale + 0.5f);
+    return i32(v < 0.0f ? -size : size);
   }
   std::size_t frame(std::uint8_t* into) {
     const std::uint16_t crc = message_crc(type_, {body_, size_});
@@ -100,9 +99,8 @@ bool unpack_move(Bytes body, Move& move) {
   move.steps = get_u16(body.data + 2);
   const std::uint8_t* at = body.data + 4;
   for (SetPoint& set_point : move.set_points) {
-    for (std::size_t i = 0; i < kAxes; ++i, at += 4) {
-      set_point[i] = static_cast<float>(get_i32(at)) / (i < 3 ? kNanoPerMm : kNano);
-    }
+    for (std::size_t i = 0; i < 3; ++i, at += 4) set_point[i] = static_cast<float>(get_i32(at)) / kNanoPerMm;
+    for (std::size_t i = 3; i < kAxes; ++i, at += 4) set_point[i] = static_cast<float>(get_i32(at)) / kNano;
   }
   return move.platforms != 0 && move.platforms < 1 << kPlatforms && move.steps != 0 && move.steps <= kMaxSteps;
 }
@@ -135,7 +133,8 @@ std::size_t encode_state(const RigState& state, std::uint8_t* into) {
   writer.u8(state.sequence).u8(static_cast<std::uint8_t>(state.mode)).u8(static_cast<std::uint8_t>(state.stopped_by));
   writer.u8(state.moving_platforms).u16(state.steps_done).u16(state.steps).u32(state.t_ms);
   for (const SetPoint& set_point : state.set_points) {
-    for (std::size_t i = 0; i < kAxes; ++i) writer.scaled(set_point[i], i < 3 ? kNanoPerMm : kNano, state.known);
+    for (std::size_t i = 0; i < 3; ++i) writer.scaled(set_point[i], kNanoPerMm, state.known);
+    for (std::size_t i = 3; i < kAxes; ++i) writer.scaled(set_point[i], kNano, state.known);
   }
   for (const ServoAngles& angles : state.angles) {
     for (const float angle : angles) writer.scaled(within(angle), kNano, state.known);

@@ -17,9 +17,10 @@ constexpr std::int8_t kOffsets[kPlatforms][kServos] = {
 StackCalibration published_calibration() {
   StackCalibration calibration{};
   for (std::size_t platform = 0; platform < kPlatforms; ++platform) {
-    for (std::size_t servo = 0; servo < kServos; ++servo) {
-      const float gain = servo % 2 == 0 ? -kCountsPerRad : kCountsPerRad;
-      calibration[platform][servo] = {gain, static_cast<float>(kOffsets[platform][servo])};
+    for (std::size_t servo = 0; servo < kServos; servo += 2) {
+      const std::int8_t* offsets = kOffsets[platform] + servo;
+      calibration[platform][servo] = {-kCountsPerRad, static_cast<float>(offsets[0])};
+      calibration[platform][servo + 1] = {kCountsPerRad, static_cast<float>(offsets[1])};
     }
   }
   return calibration;
