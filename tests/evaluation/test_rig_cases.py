@@ -14,8 +14,8 @@ from bluerov_slam.evaluation.rig_cases import RigRun, all_cases, figure
 from bluerov_slam.sources.isbl_thesis_log import read_thesis_logs
 
 SMALL = RigRun(seed=7, effort=0.01)
-QUICK = ("R1", "R4", "R5", "R6", "R8", "R11")
-WITHOUT_FEW = {"R8"}
+QUICK = ("R1", "R4", "R5", "R6", "R7", "R8", "R11")
+WITHOUT_FEW = {"R7", "R8"}
 """Judged by a limit that a handful of draws cannot keep."""
 
 

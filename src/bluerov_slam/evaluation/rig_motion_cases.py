@@ -1,4 +1,4 @@
-"""R8: plans of the ground-truth rig."""
+"""R7 and R8: reachability and plans of the ground-truth rig."""
 
 from __future__ import annotations
 
@@ -9,10 +9,25 @@ from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.rig_cases import RigCase, RigRun, figure
 from bluerov_slam.evaluation.statistics import bootstrap
 from bluerov_slam.navigation.rotation import log_so3
+from bluerov_slam.rig.agreement import agreement, near_edge
 from bluerov_slam.rig.dimensions import FO_SHIP, AxisLimits
 from bluerov_slam.rig.planner import plan_set_points
 from bluerov_slam.rig.stack import StackPose, stack_pose
 from bluerov_slam.rig.workspace import StackWorkspace
+
+
+def membership(run: RigRun) -> list[Row]:
+    """R7: the fast test of reachability against a slow planner of many starts, near the edge of what is reachable."""
+    space = StackWorkspace()
+    sample = near_edge(space.model, run.count(400, 20), run.seed)
+    found = agreement(space, sample)
+    percent = 100.0 / found.count
+    told = f"reachability within 5 % of the edge, {found.count} poses"
+    return [
+        figure("R7", f"{told}: agrees with the slow planner", 100.0 * found.share, "%", low=99.0),
+        figure("R7.no", f"{told}: called out of reach, yet the planner got there", percent * found.false_no, "%"),
+        figure("R7.yes", f"{told}: got there, where the planner had given up", percent * found.false_yes, "%"),
+    ]
 
 
 def plans(run: RigRun) -> list[Row]:
@@ -41,4 +56,4 @@ def plans(run: RigRun) -> list[Row]:
     ]  # fmt: skip
 
 
-CASES = (RigCase("R8", "plans", plans),)
+CASES = (RigCase("R7", "reachability", membership), RigCase("R8", "plans", plans))

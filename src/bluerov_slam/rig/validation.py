@@ -85,8 +85,10 @@ def stated_spread() -> ManufacturingSpread:
     nothing of play: none is put in.
     """
     (arm_low, arm_high), (low, high) = PUBLISHED_RANGES["horn_length_mm"], PUBLISHED_RANGES["servo_spacing_mm"]
+    passed = servo_errors().covariance_rad2
     return ManufacturingSpread(
-        servo_rad=float(np.sqrt(servo_errors().covariance_rad2[0, 0])),
+        servo_rad=float(np.sqrt(passed[0, 0])),
+        pair_correlation=float(passed[0, 1] / passed[0, 0]),
         arm_mm=(arm_high - arm_low) / float(np.sqrt(12.0)),
         joint_mm=(high - low) / float(np.sqrt(24.0)),
     )
