@@ -24,6 +24,7 @@ MODULES = (
     "acoustic_records",
     "rig_kinematics",
     "rig",
+    "rig_workspace",
 )
 RESULTS = Path(__file__).parent / "results.json"
 
