@@ -51,7 +51,7 @@ std::size_t encode_frame(MessageType type, Bytes payload, std::uint8_t* into) {
 
 bool FrameDecoder::is_intact(Bytes frame) const {
   if (xor8(frame.from(2)) != 0) return false;
-  return rules_.content_intact == nullptr || rules_.content_intact(frame[2], frame.first(frame.size - 1).from(kHeader));
+  return rules_->content_intact == nullptr || rules_->content_intact(frame[2], frame.first(frame.size - 1).from(kHeader));
 }
 
 bool FrameDecoder::next(Frame& frame) {
@@ -60,7 +60,7 @@ bool FrameDecoder::next(Frame& frame) {
       if (held.size < kHeader) return false;
       const std::size_t length = static_cast<std::size_t>(held[3]) << 8 | held[4];
       const std::size_t total = length + kFrameOverhead;
-      if (!rules_.length_allowed(held[2], length)) {
+      if (!rules_->length_allowed(held[2], length)) {
         ++counters_.length_errors;
       } else if (held.size < total) {
         return false;

@@ -50,7 +50,7 @@ class FrameDecoder {
     Bytes payload;
   };
 
-  explicit FrameDecoder(const FrameRules& rules = kBoardFrames) : rules_(rules) {}
+  explicit FrameDecoder(const FrameRules& rules = kBoardFrames) : rules_(&rules) {}
 
   // At most kMaxFeed bytes; call next() until false before the next feed().
   static constexpr std::size_t kMaxFeed = 256;
@@ -61,7 +61,7 @@ class FrameDecoder {
  private:
   bool is_intact(Bytes frame) const;
 
-  const FrameRules& rules_;
+  const FrameRules* rules_;  // a pointer, so that a decoder can be assigned a fresh one
   StreamBuffer<kMaxPayload + kFrameOverhead + kMaxFeed> stream_;
   DecoderCounters counters_{};
 };
