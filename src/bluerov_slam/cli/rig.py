@@ -11,6 +11,7 @@ COMMANDS: dict[str, str] = {
     "collect": "rig_collect",
     "demo": "rig_demo",
     "evaluate": "rig_evaluate",
+    "page": "rig_page",
     "plan": "rig_plan",
     "pose": "rig_pose",
     "workspace": "rig_workspace",
