@@ -5,7 +5,7 @@ FROM --platform=$BUILDPLATFORM docker.io/library/node:20-slim AS web
 WORKDIR /build
 COPY package.json package-lock.json .npmrc ./
 RUN npm ci --omit=dev --no-audit --no-fund
-COPY scripts/vendor.mjs scripts/openlayers.mjs scripts/
+COPY scripts/vendor.mjs scripts/openlayers.mjs scripts/three.mjs scripts/
 RUN node scripts/vendor.mjs
 
 FROM --platform=$TARGETPLATFORM docker.io/library/debian:bookworm-slim AS python

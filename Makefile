@@ -36,7 +36,7 @@ $(STAMPS)/python: requirements/dev.lock pyproject.toml $(STAMPS)/web
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(STAMPS)/web: package.json package-lock.json scripts/vendor.mjs scripts/openlayers.mjs
+$(STAMPS)/web: package.json package-lock.json scripts/vendor.mjs scripts/openlayers.mjs scripts/three.mjs
 	@mkdir -p $(STAMPS)
 	npm ci --no-audit --no-fund --silent
 	node scripts/vendor.mjs

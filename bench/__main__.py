@@ -22,6 +22,9 @@ MODULES = (
     "acoustic_solvers",
     "simulated_dive",
     "acoustic_records",
+    "rig_kinematics",
+    "rig",
+    "rig_workspace",
 )
 RESULTS = Path(__file__).parent / "results.json"
 

@@ -6,6 +6,7 @@ import { build } from 'esbuild';
 const FILES = {
   uplot: ['dist/uPlot.esm.js', 'dist/uPlot.min.css', 'LICENSE'],
   ol: ['LICENSE.md'],
+  three: ['LICENSE'],
   'swagger-ui-dist': ['swagger-ui-bundle.js', 'swagger-ui.css', 'LICENSE'],
 };
 
@@ -19,14 +20,20 @@ for (const [name, files] of Object.entries(FILES)) {
     copyFileSync(join(source, file), target);
   }
 }
-// OpenLayers comes as hundreds of modules: the few that the map uses, as one file of a third of its size.
-await build({
-  entryPoints: ['scripts/openlayers.mjs'],
-  outfile: 'web/vendor/ol/ol.js',
-  bundle: true,
-  format: 'esm',
-  minify: true,
-  legalComments: 'none',
-  logLevel: 'error',
-});
+// Libraries of hundreds of modules: the few that the pages use, as one file each.
+const BUNDLES = {
+  'scripts/openlayers.mjs': 'web/vendor/ol/ol.js',
+  'scripts/three.mjs': 'web/vendor/three/three.js',
+};
+for (const [parts, outfile] of Object.entries(BUNDLES)) {
+  await build({
+    entryPoints: [parts],
+    outfile,
+    bundle: true,
+    format: 'esm',
+    minify: true,
+    legalComments: 'none',
+    logLevel: 'error',
+  });
+}
 writeFileSync('web/vendor/versions.json', `${JSON.stringify(versions, null, 2)}\n`);

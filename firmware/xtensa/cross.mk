@@ -7,15 +7,15 @@ XT_INCLUDES := -nostdinc++ -isystem /usr/include/c++/$(XT_VERSION) -isystem xten
 	-isystem /usr/include/$(shell uname -m)-linux-gnu/c++/$(XT_VERSION) -isystem /usr/lib/xtensa-lx106-elf/include
 XT_FLAGS := $(COMMON) -Os -fno-exceptions -fno-threadsafe-statics -fno-use-cxa-atexit -mlongcalls -mtext-section-literals \
 	-ffunction-sections -fdata-sections $(XT_INCLUDES)
-XT_CORE := $(LIB_SOURCES:%.cpp=$(XT)/%.o)
-RUNNER_SHARED := xtensa/runner.cpp xtensa/scenario.cpp xtensa/vector_checks.cpp native/i2c_models.cpp
+XT_CORE := $(patsubst %.cpp,$(XT)/%.o,$(LIB_SOURCES) $(RIG_SOURCES))
+RUNNER_SHARED := xtensa/runner.cpp xtensa/kinematics_checks.cpp xtensa/scenario.cpp xtensa/vector_checks.cpp native/i2c_models.cpp
 RUNNER_FLAGS := -Ixtensa -I. -I$(BUILD)
 XT_RUNNER := $(RUNNER_SHARED:%.cpp=$(XT)/%.o) $(XT)/xtensa/machine_xtensa.o $(XT)/start.o
 HOST_RUNNER := $(RUNNER_SHARED:%.cpp=$(XT)/host/%.o) $(XT)/host/xtensa/machine_host.o $(CHECKED_LIB)
-# Routines for double precision and 32-bit division are in the ESP8266's ROM and so not in its compiler's library.
+# Routines for floating point and 32-bit division are in the ESP8266's ROM and so not in its compiler's library.
 # They are taken from Debian's source of the same compiler; nothing of it is kept here.
 SOFT := divsi3 udivsi3 modsi3 umodsi3 umulsidi3 addsubdf3 muldf3 divdf3 fixdfsi fixunsdfsi fixdfdi fixunsdfdi floatsidf \
-	floatdidf negdf2 cmpdf2
+	floatdidf negdf2 cmpdf2 addsubsf3 mulsf3 divsf3 cmpsf2 negsf2 fixsfsi fixunssfsi floatsisf
 SOFT_OBJECTS := $(SOFT:%=$(XT)/soft/%.o)
 XT_LIBRARIES := /usr/lib/xtensa-lx106-elf/lib/libm.a /usr/lib/xtensa-lx106-elf/lib/libc.a
 SOFT_SOURCE := $(XT)/libgcc/lib1funcs.S
@@ -78,7 +78,7 @@ $(SOFT_SOURCE):
 
 # The ESP32's own code (windowed calls, hardware division, single-precision FPU): a compile check and its size. Its object
 # files cannot be linked here: LLVM's assembler for this processor does not place its literals yet.
-ESP32_ASM := $(LIB_SOURCES:%.cpp=$(XT)/esp32/%.s)
+ESP32_ASM := $(patsubst %.cpp,$(XT)/esp32/%.s,$(LIB_SOURCES) $(RIG_SOURCES))
 ESP32_CLANG := clang-22
 ESP32_LLC := llc-22
 

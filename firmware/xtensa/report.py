@@ -85,7 +85,7 @@ def text_rows(lx106: Path, esp32: Path) -> list[Row]:
 def esp32_bytes(directory: Path) -> int:
     """Instructions have three bytes, those ending in .n two; data directives as they say."""
     total = 0
-    for path in directory.rglob("*.s"):
+    for path in directory.rglob("brov/*.s"):
         for line in path.read_text().splitlines():
             word = line.split("#")[0].split()
             if not word or not line.startswith("\t"):
@@ -206,6 +206,17 @@ def pass_rows(passes: dict[str, dict[str, int]], steps: float) -> list[Row]:
     return rows
 
 
+def kinematics_rows(single: dict[str, int], steps: float) -> list[Row]:
+    """The rig's inverse kinematics. The LX106 has no FPU: every sum and product is a routine."""
+    names = (
+        ("ik_six_legs_mean", "rig: inverse kinematics of one platform, six legs, mean"),
+        ("ik_six_legs_worst", "rig: inverse kinematics of one platform, worst"),
+        ("ik_stack_mean", "rig: angles and counts of all 24 servos, mean"),
+        ("ik_stack_worst", "rig: angles and counts of all 24 servos, worst"),
+    )
+    return [row(key, f"{name}, LX106 without FPU", round(single[key] / steps), "instructions") for key, name in names]
+
+
 def table(rows: list[Row]) -> str:
     lines = ["| | value | unit | must | met |", "|---|---:|---|---:|---|"]
     for each in rows:
@@ -224,6 +235,7 @@ def main(build: Path, source: Path, target: Path) -> int:
         *text_rows(lx106, esp32),
         *stack_rows(lx106, esp32, passes),
         *pass_rows(passes, steps),
+        *kinematics_rows(single, steps),
     ]
     target.write_text(json.dumps({"cycles_per_instruction": CYCLES_PER_INSTRUCTION, "rows": rows}, indent=1) + "\n")
     sys.stdout.write(table(rows) + "\n")

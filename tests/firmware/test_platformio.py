@@ -13,6 +13,9 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 EXACT = re.compile(r"[\w.-]+/[\w.-]+@\d+\.\d+\.\d+([+.][\w.+-]+)?")
 
 
+RIG = "env:rig"
+
+
 @pytest.fixture
 def project() -> configparser.ConfigParser:
     parser = configparser.ConfigParser(interpolation=None, inline_comment_prefixes=None)
@@ -35,7 +38,7 @@ def test_every_package_has_one_exact_version(project: configparser.ConfigParser)
 
 
 def test_one_environment_per_rate_of_the_link(project: configparser.ConfigParser) -> None:
-    environments = [section for section in project.sections() if section.startswith("env:")]
+    environments = [section for section in project.sections() if section.startswith("env:") and section != RIG]
     assert environments == ["env:esp32dev", "env:esp32dev-921600"]
     assert project["platformio"]["default_envs"] == "esp32dev"
     default = re.search(r"define BROV_LINK_BAUD (\d+)", (FIRMWARE / "src" / "application.h").read_text())
@@ -46,11 +49,21 @@ def test_one_environment_per_rate_of_the_link(project: configparser.ConfigParser
         assert words(project, environment, "monitor_speed") == [baud]
 
 
+def test_the_rig_is_a_target_of_its_own_that_shares_the_wires(project: configparser.ConfigParser) -> None:
+    taken = words(project, RIG, "build_src_filter")
+    assert taken == ["+<rig/>", "+<hardware_uart.cpp>"]
+    assert (FIRMWARE / "src" / "hardware_uart.cpp").exists()
+    assert "-<rig/>" in words(project, "env:esp32dev", "build_src_filter")
+    assert words(project, RIG, "monitor_speed") == ["115200"]
+    library = json.loads((FIRMWARE / "lib" / "rig_core" / "library.json").read_text())
+    assert library["dependencies"] == {"brov_core": "*"}
+
+
 def test_the_board_computes_as_the_host_does(project: configparser.ConfigParser) -> None:
     makefile = (FIRMWARE / "Makefile").read_text()
     library = json.loads((FIRMWARE / "lib" / "brov_core" / "library.json").read_text())
     assert "-std=c++17" in makefile
-    for environment in ("env:esp32dev", "env:esp32dev-921600"):
+    for environment in ("env:esp32dev", "env:esp32dev-921600", RIG):
         flags = words(project, environment, "build_flags")
         assert "-std=gnu++17" in flags
         assert "-std=gnu++11" in words(project, environment, "build_unflags")

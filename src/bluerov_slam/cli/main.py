@@ -22,6 +22,7 @@ COMMANDS = {
     "isbl": "isbl",
     "navigate": "navigate",
     "replay": "replay",
+    "rig": "rig",
     "run": "run",
     "simulate": "simulate",
     "viewer": "viewer",

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 PLATFORMS = 4
-_FOOT_MM = np.array([0.0, 0.0, -30.0])
-_BASE_MM = np.array([0.0, 0.0, -34.0])
-_HOME_MM = np.array([0.0, 0.0, -100.0])
+FOOT_MM = np.array([0.0, 0.0, -30.0])
+BASE_MM = np.array([0.0, 0.0, -34.0])
+HOME_MM = np.array([0.0, 0.0, -100.0])
 TIP_MM = np.array([110.0, 0.0, -82.38])
 
 
@@ -35,9 +35,9 @@ def stack_tip_mm(translation_mm: Floats, attitude_rad: Floats, tip_mm: Floats = 
         attitude_rad: of the uppermost plate, roll, pitch, yaw (n, 3).
         tip_mm: in the frame of the uppermost plate.
     """
-    turn = _rotations(attitude_rad / PLATFORMS)
-    lift = _BASE_MM + _HOME_MM + translation_mm / PLATFORMS
-    position = np.broadcast_to(_FOOT_MM, translation_mm.shape).copy()
+    turn = rotations(attitude_rad / PLATFORMS)
+    lift = BASE_MM + HOME_MM + translation_mm / PLATFORMS
+    position = np.broadcast_to(FOOT_MM, translation_mm.shape).copy()
     reached = np.broadcast_to(np.eye(3), turn.shape)
     for _ in range(PLATFORMS):
         position += np.einsum("nij,nj->ni", reached, lift)
@@ -45,12 +45,18 @@ def stack_tip_mm(translation_mm: Floats, attitude_rad: Floats, tip_mm: Floats = 
     return np.asarray(position + reached @ tip_mm)
 
 
-def _rotations(attitude_rad: Floats) -> Floats:
-    """Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(attitude_rad).T, np.cos(attitude_rad).T
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.asarray(np.array(rows).transpose(2, 0, 1))
+def cross(first: Floats, second: Floats) -> Floats:
+    """Cross products along the last axis, for few vectors much faster than NumPy's."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def rotations(attitude_rad: Floats) -> Floats:
+    """Rz(yaw) Ry(pitch) Rx(roll) of roll, pitch, yaw (..., 3): (..., 3, 3)."""
+    angles = np.moveaxis(attitude_rad, -1, 0)
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
+    found = np.empty((*sr.shape, 3, 3))
+    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    found[..., 2, 0], found[..., 2, 1], found[..., 2, 2] = -sp, cp * sr, cp * cr
+    return found

@@ -31,7 +31,7 @@ HEADER_TIMEOUT_S: Final = 10.0
 KEEP_ALIVE_S: Final = 30.0
 MAX_CONNECTIONS: Final = 600
 STOP_TIMEOUT_S: Final = 1.0
-PAGE_FOLDERS: Final = ("dashboard", "viewer", "shared", "vendor")
+PAGE_FOLDERS: Final = ("dashboard", "viewer", "rig", "shared", "vendor")
 # No inline script and nothing from outside; pages may talk to the other service's port. No frame-ancestors: BlueOS and
 # Cockpit show the pages in an iframe.
 CONTENT_POLICY: Final = (

@@ -34,7 +34,7 @@ OUTGOING_LIMIT_BYTES: Final = 4096
 LONGEST_PAUSE_S: Final = 0.035
 BITS_PER_BYTE: Final = 10
 _GONE: Final = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR})
-_SPEEDS: Final = {115200: termios.B115200, 921600: termios.B921600}
+_SPEEDS: Final = {9600: termios.B9600, 115200: termios.B115200, 921600: termios.B921600}
 
 OnData = Callable[[bytes, float], int]
 

@@ -12,7 +12,6 @@ constexpr bool in_steps(std::size_t length, std::size_t minimum, std::size_t max
   return length >= minimum && length <= maximum && (length - minimum) % step == 0;
 }
 
-// A false header is refused early by the length that its type cannot have.
 constexpr bool length_allowed(std::uint8_t type, std::size_t length) {
   switch (type) {
     case 0x01: return length == 76;                         // SENSORS
@@ -36,6 +35,8 @@ constexpr bool length_allowed(std::uint8_t type, std::size_t length) {
 
 }  // namespace
 
+const FrameRules kBoardFrames{length_allowed, nullptr};
+
 std::size_t encode_frame(MessageType type, Bytes payload, std::uint8_t* into) {
   into[0] = kSync1;
   into[1] = kSync2;
@@ -48,17 +49,22 @@ std::size_t encode_frame(MessageType type, Bytes payload, std::uint8_t* into) {
   return end + 1;
 }
 
+bool FrameDecoder::is_intact(Bytes frame) const {
+  if (xor8(frame.from(2)) != 0) return false;
+  return rules_->content_intact == nullptr || rules_->content_intact(frame[2], frame.first(frame.size - 1).from(kHeader));
+}
+
 bool FrameDecoder::next(Frame& frame) {
   for (Bytes held = stream_.held(); held.size > 0; held = stream_.held()) {
     if (held[0] == kSync1 && (held.size < 2 || held[1] == kSync2)) {
       if (held.size < kHeader) return false;
       const std::size_t length = static_cast<std::size_t>(held[3]) << 8 | held[4];
       const std::size_t total = length + kFrameOverhead;
-      if (!length_allowed(held[2], length)) {
+      if (!rules_->length_allowed(held[2], length)) {
         ++counters_.length_errors;
       } else if (held.size < total) {
         return false;
-      } else if (xor8(held.first(total).from(2)) == 0) {
+      } else if (is_intact(held.first(total))) {
         frame.type = held[2];
         frame.payload = held.first(total - 1).from(kHeader);
         stream_.take(total);

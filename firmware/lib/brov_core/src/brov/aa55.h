@@ -34,6 +34,13 @@ struct DecoderCounters {
   std::uint32_t bytes_skipped = 0;
 };
 
+// What counts as a frame on one kind of link: a false header is refused early by the length that its type cannot have.
+struct FrameRules {
+  bool (*length_allowed)(std::uint8_t type, std::size_t length);
+  bool (*content_intact)(std::uint8_t type, Bytes payload);  // none: the frame's own check is enough
+};
+extern const FrameRules kBoardFrames;  // the vehicle's board: docs/protocol.md
+
 // Bytes, cut anywhere, to frames, with resynchronisation one byte behind a false start.
 // next() is called until it returns false; a frame's payload stays valid until the next call of feed().
 class FrameDecoder {
@@ -43,6 +50,8 @@ class FrameDecoder {
     Bytes payload;
   };
 
+  explicit FrameDecoder(const FrameRules& rules = kBoardFrames) : rules_(&rules) {}
+
   // At most kMaxFeed bytes; call next() until false before the next feed().
   static constexpr std::size_t kMaxFeed = 256;
   void feed(Bytes data) { stream_.append(data); }
@@ -50,6 +59,9 @@ class FrameDecoder {
   const DecoderCounters& counters() const { return counters_; }
 
  private:
+  bool is_intact(Bytes frame) const;
+
+  const FrameRules* rules_;  // a pointer, so that a decoder can be assigned a fresh one
   StreamBuffer<kMaxPayload + kFrameOverhead + kMaxFeed> stream_;
   DecoderCounters counters_{};
 };

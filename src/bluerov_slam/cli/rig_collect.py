@@ -1,0 +1,270 @@
+"""`bluerov-slam rig collect`: the thesis's experiment with a simulated rig, or a real one."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from bluerov_slam.errors import ConfigError
+
+if TYPE_CHECKING:
+    from bluerov_slam.evaluation.rig_experiment import SessionOutcome
+    from bluerov_slam.evaluation.rig_table import Collected
+    from bluerov_slam.rig.collection import Action, Point, Session
+    from bluerov_slam.sinks.isbl_thesis_log import ThesisLogWriter
+    from bluerov_slam.sinks.rig_log import RigLogWriter
+
+MOTIONS = ("stationary", "rapid", "gradual")
+TESTS = 9
+
+
+@click.command(name="collect", short_help="Run the thesis's experiment, simulated by default.")
+@click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--tests", default="", help="Some of the nine published tests, as 1,4 [default: all].")
+@click.option(
+    "--transmitter",
+    "transmitters",
+    multiple=True,
+    help="X,Y,Z of a transmitter, mm in the rig's frame, in place of the published tests; may be repeated.",
+)
+@click.option("--motion", "motions", multiple=True, type=click.Choice(MOTIONS), help="May be repeated [default: all].")
+@click.option("--fixes", default=200, show_default=True, type=click.IntRange(1), help="Points of a stationary session.")
+@click.option("--passes", default=1, show_default=True, type=click.IntRange(1), help="Of the axes in a moving session.")
+@click.option(
+    "--seed", default=1000, show_default=True, type=click.IntRange(0), help="Simulation: below 100 for tuning."
+)
+@click.option(
+    "--fault", "faults", multiple=True, help="Simulation: 'stuck PLATFORM SERVO' or 'offset PLATFORM SERVO DEG'."
+)
+@click.option("--jobs", default=0, type=click.IntRange(0), help="Simulation: processes; 0: one for each processor.")
+@click.option("--port", type=click.Path(path_type=Path), help="A real rig's serial port (its firmware's link).")
+@click.option(
+    "--receiver-port", type=click.Path(path_type=Path), help="A real rig: the serial port of the acoustic receiver."
+)
+@click.option("--move-for-real", is_flag=True, help="Let a real rig move. Without it only what would move is said.")
+def command(
+    folder: Path,
+    tests: str,
+    transmitters: tuple[str, ...],
+    motions: tuple[str, ...],
+    fixes: int,
+    passes: int,
+    seed: int,
+    faults: tuple[str, ...],
+    jobs: int,
+    port: Path | None,
+    receiver_port: Path | None,
+    move_for_real: bool,
+) -> None:
+    """Collect data into FOLDER: a log in the thesis's format and one of ours (JSONL) for each session, and report.html.
+
+    A missing point has a reason in our log and no line in the thesis's. See docs/rig-collection.md.
+    """
+    sessions = _sessions(tests, transmitters, motions, fixes, passes)
+    if port is None and (receiver_port is not None or move_for_real):
+        raise ConfigError("--receiver-port and --move-for-real are for a real rig: give its --port, too")
+    if port is not None and faults:
+        raise ConfigError("--fault is for a simulated rig")
+    if port is not None and not _announced([session for _, session in sessions], move_for_real):
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise ConfigError(f"{folder} is not empty; a collection goes into a folder of its own")
+    except OSError as error:
+        raise ConfigError(f"cannot use {folder}: {error.strerror}") from error
+    if port is None:
+        _simulated(folder, sessions, seed, faults, jobs)
+    elif receiver_port is None:
+        raise ConfigError("a real collection needs the receiver's port: --receiver-port")
+    else:
+        _real(folder, sessions, port, receiver_port)
+
+
+def _announced(sessions: list[Session], move_for_real: bool) -> bool:
+    """Says what will move; whether it may."""
+    from bluerov_slam.services.rig import what_moves
+
+    click.echo("The rig will move like this:" if move_for_real else "Nothing moves yet. With --move-for-real:")
+    for line in what_moves(sessions):
+        click.echo(f"  {line}")
+    if move_for_real:
+        click.echo("Keep clear of it. Its button stops it and sends it home; Ctrl-C stops it where it is.")
+    return move_for_real
+
+
+def _sessions(
+    tests: str, transmitters: tuple[str, ...], motions: tuple[str, ...], fixes: int, passes: int
+) -> list[tuple[int, Session]]:
+    """With the number of the transmitter's place, from 1."""
+    from bluerov_slam.cli.isbl_simulate import three_numbers
+    from bluerov_slam.rig.collection import PUBLISHED_TESTS, Motion, PublishedTest, published_session
+
+    kinds = [Motion(name) for name in MOTIONS if not motions or name in motions]
+    if transmitters:
+        if tests:
+            raise ConfigError("--tests names the published places, --transmitter others: give one of them")
+        try:
+            places = [three_numbers(text) for text in transmitters]
+        except ValueError as error:
+            raise ConfigError(f"--transmitter: {error}") from error
+        full = {"X": (20.0, -20.0), "Y": (20.0, -20.0), "Z": (64.0, -64.0)}
+        turns = {"A": (24.0, -24.0), "B": (16.0, -8.0), "C": (16.0, -16.0)}
+        chosen = [PublishedTest(number, place, full | turns) for number, place in enumerate(places, start=1)]
+    else:
+        wanted = [part.strip() for part in tests.split(",") if part.strip()]
+        if bad := [part for part in wanted if not part.isdecimal() or not 1 <= int(part) <= TESTS]:
+            raise ConfigError(f"--tests: {', '.join(bad)} is none of 1 to {TESTS}")
+        chosen = [test for test in PUBLISHED_TESTS if not wanted or str(test.number) in wanted]
+    return [(test.number, published_session(test, kind, fixes, passes)) for test in chosen for kind in kinds]
+
+
+def _simulated(
+    folder: Path, sessions: list[tuple[int, Session]], seed: int, faults: tuple[str, ...], jobs: int
+) -> None:
+    from bluerov_slam.evaluation.rig_experiment import SessionJob, run_session
+    from bluerov_slam.evaluation.rig_table import collected
+    from bluerov_slam.simulation.rig import ServoFault
+    from bluerov_slam.survey.batch import Progress, run_batch
+
+    wrong = tuple(ServoFault.parse(text) for text in faults)
+    # The rig and its board are one for all sessions; what is noise is drawn for each.
+    # By place and motion, so that a part of the sessions comes out as it does among all of them.
+    kinds = {name: number for number, name in enumerate(MOTIONS)}
+    tasks = [
+        SessionJob(session, 1000 * seed + len(MOTIONS) * place + kinds[session.motion.value], seed, wrong)
+        for place, session in sessions
+    ]
+    place_of = {session.name: place for place, session in sessions}
+    progress = Progress(len(tasks), lambda line: click.echo(line, err=True))
+    found: dict[str, SessionOutcome] = {}
+    try:
+        for job, outcome in run_batch(run_session, tasks, jobs or os.cpu_count() or 1):
+            found[job.session.name] = outcome
+            _write(folder, outcome)
+            progress.done(str(job))
+    except KeyboardInterrupt:
+        click.echo("Stopped: the sessions that were complete are in their logs, there is no report", err=True)
+        raise SystemExit(130) from None
+    scored: list[Collected] = []
+    for _, session in sessions:
+        outcome = found[session.name]
+        if outcome.reason:
+            click.echo(f"{session.name}: ended early: {outcome.reason}", err=True)
+        points = outcome.points
+        scored.append(collected(session, place_of[session.name], points, outcome.ours_mm, outcome.true_mm))
+    _report(folder, scored, "simulated", seed)
+
+
+def _write(folder: Path, outcome: SessionOutcome) -> None:
+    """Both logs of a simulated session; ours holds what only a simulation knows, too."""
+    from bluerov_slam.rig.collection import Keep
+    from bluerov_slam.sinks import isbl_thesis_log, rig_log
+
+    name = outcome.session.name
+    thesis = isbl_thesis_log.ThesisLogWriter(folder / f"{name}{isbl_thesis_log.SUFFIX}", "SIMULATED")
+    ours = rig_log.RigLogWriter(folder / f"{name}{rig_log.SUFFIX}", "simulated")
+    number = 0
+    for action in outcome.actions:
+        thesis.take(action)
+        extra = None
+        if isinstance(action, Keep):
+            extra = {"ours_mm": outcome.ours_mm[number], "simulated_place_mm": outcome.true_mm[number]}
+            number += 1
+        ours.take(action, extra)
+    thesis.close()
+    ours.close()
+
+
+def _report(folder: Path, scored: list[Collected], source: str, seed: int | None) -> None:
+    from bluerov_slam.evaluation import rig_table
+    from bluerov_slam.survey.rig_report import report_html
+
+    if not any(len(each.rows) for each in scored):
+        raise ConfigError(f"no point was collected; the reasons are in the logs in {folder}")
+    (folder / "report.html").write_text(report_html(scored, source, seed), encoding="utf-8")
+    truth = "real" if source == "simulated" else "rig"
+    click.echo(f"{source.capitalize()}: errors across the line of sight, mm, nothing removed")
+    for name in rig_table.ESTIMATES:
+        if (found := rig_table.honest(scored, name, truth)) is not None:
+            click.echo(
+                f"  {rig_table.LABELS[name]}: RMSE {found.rmse_mm:.1f}, median {found.median_mm:.1f}, "
+                f"p95 {found.p95_mm:.1f} ({found.count} points)"
+            )
+    click.echo(f"Logs and report.html are in {folder}")
+
+
+def _real(folder: Path, sessions: list[tuple[int, Session]], port: Path, receiver_port: Path) -> None:
+    from bluerov_slam.evaluation.rig_table import collected
+    from bluerov_slam.rig.collection import Collection, CollectionPlan
+    from bluerov_slam.rig.collection_truth import truth_of
+    from bluerov_slam.rig.workspace import PlatformWorkspace
+    from bluerov_slam.services.rig import connected
+
+    space = PlatformWorkspace()
+
+    def reachable(set_point: NDArray[np.float64]) -> str:
+        limit = space.broken(set_point)
+        return "" if limit is None else limit.words
+
+    plan = CollectionPlan([session for _, session in sessions])
+    logs = _Logs(folder, str(port))
+    try:
+        with connected(port, receiver_port, click.echo) as rig:
+            reason = rig.run(Collection(plan, truth_of, reachable), logs.take)
+    except KeyboardInterrupt:
+        reason = "stopped by Ctrl-C"
+    finally:
+        logs.close()
+    if reason:
+        click.echo(f"Ended early: {reason}", err=True)
+    scored = [
+        collected(session, place, logs.points[session.name])
+        for place, session in sessions
+        if session.name in logs.points
+    ]
+    _report(folder, scored, str(port), None)
+
+
+class _Logs:
+    """Both logs of each session in turn, and its points."""
+
+    def __init__(self, folder: Path, source: str) -> None:
+        self._folder, self._source = folder, source
+        self._open: list[ThesisLogWriter | RigLogWriter] = []
+        self._name = ""
+        self.points: dict[str, list[Point]] = {}
+
+    def take(self, action: Action) -> None:
+        """Write what of an action belongs into the logs. Raises OSError."""
+        from bluerov_slam.rig.collection import Close, Keep, Open
+        from bluerov_slam.sinks import isbl_thesis_log, rig_log
+
+        if isinstance(action, Open):
+            self._name = action.session.name
+            self.points[self._name] = []
+            self._open = [
+                isbl_thesis_log.ThesisLogWriter(self._folder / f"{self._name}{isbl_thesis_log.SUFFIX}", "RIG"),
+                rig_log.RigLogWriter(self._folder / f"{self._name}{rig_log.SUFFIX}", self._source, time.time),
+            ]
+        if isinstance(action, Keep):
+            point = action.point
+            self.points[self._name].append(point)
+            where = f"{point.session} {point.number}: {point.axis} {point.label:g}"
+            click.echo(f"{where}: {point.missing or 'collected'}", err=bool(point.missing))
+        for log in self._open:
+            log.take(action)
+        if isinstance(action, Close):
+            self.close()
+
+    def close(self) -> None:
+        """Close what is open. Raises OSError."""
+        for log in self._open:
+            log.close()
+        self._open = []

@@ -1,0 +1,342 @@
+"""What a platform and a stack can reach, in all six axes at once: membership, margin, nearest pose, samples.
+
+One platform: its set point says it all, so membership is a look at its margins. The stack: a pose is reachable if any
+set points of all its platforms together make it. There are 24 of them for six coordinates, so membership is a search
+(`reach.ReachModel.step`) from a start close by. It ends when set points are found that make the pose within every limit
+(a proof) or when its steps are used up. "No" is not proven:
+docs/rig-workspace.md measures how often it is wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bluerov_slam.rig.dimensions import FO_SHIP, FO_SHIP_PLATFORM, LEGS
+from bluerov_slam.rig.edge import SPREAD
+from bluerov_slam.rig.edge_of_fo_ship import edge_of_fo_ship
+from bluerov_slam.rig.limits import (
+    FO_SHIP_LIMITS,
+    Limit,
+    PlatformLimits,
+    checked_pose,
+    checked_set_points,
+    platform_margins,
+)
+from bluerov_slam.rig.reach import ReachModel, rotation_vector
+from bluerov_slam.rig.stack import StackPose, stack_pose
+
+if TYPE_CHECKING:
+    from bluerov_slam.rig.dimensions import Floats, PlatformDimensions, StackDimensions
+    from bluerov_slam.rig.reach import Reach
+
+MOST_STEPS = 30
+DOUBT = 0.15
+"""Within this share of the learnt edge a search is run; further away the edge answers."""
+LEVEL = 2e-3
+"""Margin that a search aims at, so that it ends inside and not on the limit."""
+LONGEST_STEP = 0.7
+_ABOVE, _RISE = 0.01, 0.05
+"""How far above the bound, and faster than what, the level of the search for the largest margin is raised."""
+_ROUNDING = 1e-9
+PLACE_MM = 1e-3
+TURN_RAD = 1e-5
+"""A pose is made when the tool is this near."""
+RADIAN_MM = 200.0
+"""What a radian weighs against millimetres in "nearest": about the reach of the tool over the upper plates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a search in reach came to.
+
+    Attributes:
+        reached: whether set points were found that make the pose within every limit.
+        set_points: they, or where the search ended, (P, 6).
+        margin: least margin there, without unit, negative beyond a limit.
+        bound: estimate from above of the largest margin.
+    """
+
+    reached: bool
+    set_points: Floats
+    margin: float
+    bound: float
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """The reachable pose next to a wished one.
+
+    Attributes:
+        pose: of the tool.
+        set_points: that make it, (P, 6).
+        place_mm: from the wished place.
+        turn_rad: from the wished rotation.
+        limit: what forbids to come nearer; None if the pose itself is reachable.
+    """
+
+    pose: StackPose
+    set_points: Floats
+    place_mm: float
+    turn_rad: float
+    limit: Limit | None
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        if self.limit is None:
+            return "The pose can be reached."
+        return (
+            f"The pose cannot be reached: {self.limit.words}. The nearest that can be is {self.place_mm:.1f} mm and "
+            f"{np.degrees(self.turn_rad):.1f} degrees away."
+        )
+
+
+class PlatformWorkspace:
+    """The reachable set points of one platform."""
+
+    def __init__(
+        self, dimensions: PlatformDimensions = FO_SHIP_PLATFORM, limits: PlatformLimits = FO_SHIP_LIMITS
+    ) -> None:
+        self.dimensions, self.limits = dimensions, limits
+
+    def reaches(self, set_point: Floats) -> bool:
+        """Whether a set point (6,) keeps every limit."""
+        return self.broken(set_point) is None
+
+    def broken(self, set_point: Floats) -> Limit | None:
+        """The limit that a set point (6,) breaks."""
+        return platform_margins(checked_set_points(set_point), self.dimensions, self.limits).broken()
+
+    def nearest(self, set_point: Floats) -> Floats:
+        """The last reachable set point on the way from home, (6,), to a millionth of the way."""
+        wished = checked_set_points(set_point)
+        near, far = 0.0, 1.0
+        if self.reaches(wished):
+            return wished
+        while far - near > 1e-6:
+            middle = 0.5 * (near + far)
+            near, far = (middle, far) if self.reaches(middle * wished) else (near, middle)
+        return near * wished
+
+    def sample(self, count: int, seed: int) -> Floats:
+        """Reachable set points (count, 6), even over the reachable part of the box of the axis limits."""
+        if self.limits.axes is None:
+            raise ValueError("sampling needs axis limits: without them the reachable set has no box around it")
+        random, box = np.random.default_rng(seed), self.limits.axis_array()
+        kept: list[Floats] = []
+        while sum(map(len, kept)) < count:
+            drawn = random.uniform(-box, box, (max(64, 2 * count), 6))
+            kept.append(drawn[platform_margins(drawn, self.dimensions, self.limits).allowed])
+        return np.concatenate(kept)[:count]
+
+
+class StackWorkspace:
+    """The reachable poses of a stack's tool."""
+
+    def __init__(
+        self,
+        dimensions: StackDimensions = FO_SHIP,
+        limits: PlatformLimits | tuple[PlatformLimits, ...] = FO_SHIP_LIMITS,
+    ) -> None:
+        self.model = ReachModel(dimensions, limits)
+        self.dimensions, self.limits = dimensions, self.model.limits
+        self._home = stack_pose(np.zeros((self.model.count, 6)), dimensions)
+        self.edge = edge_of_fo_ship() if dimensions is FO_SHIP and limits is FO_SHIP_LIMITS else None
+
+    def reaches(self, pose: StackPose) -> bool:
+        """Whether any set points make this pose within all limits.
+
+        Near the learnt edge, or without one, a search decides: its yes is a proof, its no is not. Further away the edge
+        answers at once. `find` always searches and gives the set points.
+        """
+        pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
+        share = self.share_of_edge(pose)
+        if abs(share - 1.0) > DOUBT:
+            return share < 1.0
+        return self._search(pose, self.start(pose)).reached
+
+    def share_of_edge(self, pose: StackPose) -> float:
+        """How far on the way from home to the learnt edge a pose lies, 1 on it; 1 as well if none is learnt."""
+        if self.edge is None:
+            return 1.0
+        way = np.empty(6)
+        way[:3] = pose.position_mm - self._home.position_mm
+        way[3:] = rotation_vector(pose.rotation)
+        way /= SPREAD
+        length = float(np.sqrt(way @ way))
+        return length / float(self.edge.lengths(way / length)) if length > 0.0 else 0.0
+
+    def find(self, pose: StackPose, start: Floats | None = None) -> Found:
+        """Search set points that make this pose within all limits."""
+        pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
+        points = self.start(pose) if start is None else checked_set_points(start)
+        return self._search(pose, points)
+
+    def margin(self, pose: StackPose) -> float:
+        """The largest least margin of all set points that make this pose: without unit, negative out of reach."""
+        return self.safest(pose).margin
+
+    def safest(self, pose: StackPose, start: Floats | None = None, steps: int = 30) -> Found:
+        """The set points that make this pose with the largest margin."""
+        pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
+        points = self.start(pose) if start is None else checked_set_points(start)
+        model, level, bound = self.model, LEVEL, np.inf
+        best, margin = points, -np.inf
+        for k in range(steps):
+            reach = model.evaluate(points)
+            lacking, least = model.lacking(reach, pose), float(model.margin(reach))
+            if least > margin and np.abs(lacking[:3]).max() < 50.0 * PLACE_MM:
+                best, margin = points, least
+            step = model.step(reach, lacking, level)
+            # Just above what there is: the hinges then share what is short. Closer towards the end.
+            above = _ABOVE if k < steps // 2 else 0.3 * _ABOVE
+            bound = float(step.bound)
+            level = min(bound + above, level + _RISE) if np.isfinite(bound) else max(least, level) + _RISE
+            points = points + _cut(step.move) * model.scale
+        for _ in range(4):
+            reach = model.evaluate(best)
+            lacking = model.lacking(reach, pose)
+            if _made(lacking):
+                break
+            best = best + _cut(model.step(reach, lacking, max(margin, LEVEL)).move) * model.scale
+        reach = model.evaluate(best)
+        made = _made(model.lacking(reach, pose))
+        margin = float(model.margin(reach)) if made else min(margin, bound, -_ROUNDING)
+        return Found(bool(made and margin >= 0.0 and self._clear(best)), best, margin, bound)
+
+    def nearest(self, pose: StackPose) -> Nearest:
+        """The reachable pose next to this one, a radian weighed as 200 mm, with the limit that is in the way."""
+        pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
+        found = self._search(pose, self.start(pose))
+        if found.reached:
+            return Nearest(pose, found.set_points, 0.0, 0.0, None)
+        points = self._approach(pose, found.set_points)
+        reach = self.model.evaluate(points)
+        lacking = self.model.lacking(reach, pose)
+        place, turn = float(np.linalg.norm(lacking[:3])), float(np.linalg.norm(lacking[3:]))
+        return Nearest(StackPose(reach.position_mm, reach.rotation), points, place, turn, self._in_the_way(points))
+
+    def sample(self, count: int, seed: int) -> tuple[Floats, StackPose]:
+        """Reachable poses (count,) and the set points that make them, (count, P, 6).
+
+        Every platform's set point is even over what it can reach, independent of the others: the poses are the sum of
+        four such draws, dense in the middle and thin towards the edge.
+        """
+        seeds = np.random.SeedSequence(seed).generate_state(self.model.count)
+        drawn = [
+            PlatformWorkspace(platform, limits).sample(count, int(one))
+            for platform, limits, one in zip(self.dimensions.platforms, self.limits, seeds, strict=True)
+        ]
+        points = np.stack(drawn, axis=1)
+        return points, stack_pose(points, self.dimensions)
+
+    def start(self, pose: StackPose) -> Floats:
+        """Set points to search from: an equal share of the turn for each platform."""
+        points = np.zeros((self.model.count, 6))
+        points[:, 3:] = rotation_vector(pose.rotation) / self.model.count
+        return np.clip(points, -self.model.scale, self.model.scale)
+
+    def _search(self, pose: StackPose, points: Floats) -> Found:
+        model = self.model
+        bound = np.inf
+        for _ in range(MOST_STEPS):
+            reach = model.evaluate(points)
+            lacking = model.lacking(reach, pose)
+            margin = float(model.margin(reach))
+            if margin >= 0.0 and _made(lacking) and self._clear(points):
+                return Found(True, points, margin, max(bound, margin))
+            step = model.step(reach, lacking, LEVEL)
+            bound = float(step.bound)
+            points = points + _cut(step.move) * model.scale
+        return Found(False, points, margin, bound)
+
+    def _approach(self, pose: StackPose, points: Floats) -> Floats:
+        """Least distance to the pose within the limits, by a penalty on what passes them; then drawn inside."""
+        model = self.model
+        weight = np.array([1.0, 1.0, 1.0, RADIAN_MM, RADIAN_MM, RADIAN_MM]) / RADIAN_MM
+        stiff, level = 30.0, 2.0 * LEVEL
+        size = 6 * model.count
+        for _ in range(60):
+            reach = model.evaluate(points)
+            lacking = model.lacking(reach, pose) * weight
+            tool = (reach.tool_by.reshape(size, 6) * weight).T
+            short, slope = _short(model, reach, level)
+            system = tool.T @ tool + stiff**2 * slope.T @ slope + 1e-4 * np.eye(size)
+            right = tool.T @ lacking + stiff**2 * slope.T @ short
+            move = _cut(np.asarray(np.linalg.solve(system, right)).reshape(-1, 6))
+            points = points + move * model.scale
+            if np.abs(move).max() < 1e-5:
+                break
+        if float(model.margin(model.evaluate(points))) >= 0.0 and self._clear(points):
+            return points
+        inside, outside = 0.0, 1.0
+        while outside - inside > 1e-6:
+            share = 0.5 * (inside + outside)
+            good = float(model.margin(model.evaluate(share * points))) >= 0.0 and self._clear(share * points)
+            inside, outside = (share, outside) if good else (inside, share)
+        return inside * points
+
+    def _in_the_way(self, points: Floats) -> Limit:
+        """Of set points on the edge: the limit of the least margin."""
+        reach = self.model.evaluate(points)
+        legs = reach.legs.reshape(-1, 3, LEGS)
+        axis = float((self.model.ranges - np.abs(reach.scaled)).min())
+        least = {Limit.AXIS: axis, Limit.JOINT: float(legs[:, 2].min())}
+        for kind in (0, 1):
+            platform, leg = np.unravel_index(int(np.argmin(legs[:, kind])), (self.model.count, LEGS))
+            limit = self._servo_or_root(points, int(platform), int(leg), kind)
+            least[limit] = min(least.get(limit, np.inf), float(legs[platform, kind, leg]))
+        if not self._clear(points, spare_mm=0.5):
+            return self._touching(points)
+        return min(least, key=lambda limit: least[limit])
+
+    def _servo_or_root(self, points: Floats, platform: int, leg: int, kind: int) -> Limit:
+        margins = platform_margins(points[platform], self.dimensions.platforms[platform], self.limits[platform])
+        del leg, kind
+        return Limit.SERVO if float(margins.servo_rad) < 0.02 else Limit.REACH
+
+    def _clear(self, points: Floats, spare_mm: float = 0.0) -> bool:
+        """Whether no rod touches another or an arm."""
+        for point, platform, limits in zip(points, self.dimensions.platforms, self.limits, strict=True):
+            margins = platform_margins(point, platform, limits)
+            if float(margins.legs_mm) < spare_mm or float(margins.arms_mm) < spare_mm:
+                return False
+        return True
+
+    def _touching(self, points: Floats) -> Limit:
+        for point, platform, limits in zip(points, self.dimensions.platforms, self.limits, strict=True):
+            if float(platform_margins(point, platform, limits).legs_mm) < 0.5:
+                return Limit.LEGS
+        return Limit.ARMS
+
+
+def _made(lacking: Floats) -> bool:
+    return bool(np.abs(lacking[:3]).max() < PLACE_MM and np.abs(lacking[3:]).max() < TURN_RAD)
+
+
+def _cut(move: Floats) -> Floats:
+    largest = float(np.abs(move).max())
+    return move * (LONGEST_STEP / largest) if largest > LONGEST_STEP else move
+
+
+def _short(model: ReachModel, reach: Reach, level: float) -> tuple[Floats, Floats]:
+    """What is missing to the level of the margins below it, and how they grow with all scaled set points."""
+    rows, short = [], []
+    for i in range(model.count):
+        for value, slope in zip(reach.legs[i], reach.legs_by[i], strict=True):
+            if value < level:
+                row = np.zeros(6 * model.count)
+                row[6 * i : 6 * i + 6] = slope
+                rows.append(row)
+                short.append(level - value)
+        for k in range(6):
+            room = model.ranges[i, k] - abs(reach.scaled[i, k])
+            if room < level:
+                row = np.zeros(6 * model.count)
+                row[6 * i + k] = -np.sign(reach.scaled[i, k])
+                rows.append(row)
+                short.append(level - room)
+    return np.array(short), np.array(rows).reshape(-1, 6 * model.count)

@@ -1,0 +1,327 @@
+"""Drives a real rig: the computer's link to its firmware, the link to the acoustic receiver, a collection over both.
+
+Blocking, because one thing happens after another and a person stands beside it. Every way out of a motion that is not
+its end sends STOP, and the firmware stops by itself when nothing is heard from here for half a second.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import select
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bluerov_slam.errors import BugError, LinkError
+from bluerov_slam.protocol.rig_link import (
+    ANSWER_WAIT_S,
+    POLL_S,
+    STEP_S,
+    CommandExchange,
+    RigAck,
+    RigFrameDecoder,
+    RigMode,
+    RigResult,
+    RigState,
+    StopCause,
+    encode_move,
+    encode_stop,
+    encode_where,
+    unpack,
+)
+from bluerov_slam.protocol.rig_receiver import REPLY_WAIT_S, ReceiverText, encode_number
+from bluerov_slam.rig.collection import (
+    Action,
+    AwaitResult,
+    Button,
+    Collection,
+    Damaged,
+    Event,
+    Hold,
+    Motion,
+    Move,
+    Moved,
+    Refused,
+    Replied,
+    Result,
+    SendDepth,
+    Session,
+    Silent,
+    Start,
+)
+from bluerov_slam.sources.serial_port import open_port
+
+_log = logging.getLogger(__name__)
+
+RIG_BAUD, RECEIVER_BAUD = 115200, 9600
+PLATFORMS = 4
+QUIET_S = 0.1
+"""A reply has no end: it is whole when nothing more comes for so long, a hundred characters at 9600 baud."""
+MOVE_GRACE_S = 3.0
+PAUSE_LIMIT_S = 3600.0
+AT_HOME = 1e-3
+"""Set points (mm, rad) nearer to home than this are home."""
+_LAST_SEQUENCE = 255
+
+Floats = NDArray[np.float64]
+
+
+class Line:
+    """One serial port, read with a time limit."""
+
+    def __init__(self, path: Path, baud: int) -> None:
+        """Raises LinkError."""
+        self.path = path
+        self._descriptor = open_port(path, baud)
+
+    def send(self, data: bytes) -> None:
+        """All of it. Raises LinkError."""
+        try:
+            while data:
+                select.select([], [self._descriptor], [], ANSWER_WAIT_S)
+                data = data[os.write(self._descriptor, data) :]
+        except OSError as error:
+            raise LinkError(f"{self.path} is gone: {error.strerror}") from error
+
+    def read(self, wait_s: float) -> bytes:
+        """What comes within a time; empty where nothing does. Raises LinkError."""
+        try:
+            ready, _, _ = select.select([self._descriptor], [], [], max(0.0, wait_s))
+            data = os.read(self._descriptor, 4096) if ready else b""
+        except OSError as error:
+            raise LinkError(f"{self.path} is gone: {error.strerror}") from error
+        if ready and not data:
+            raise LinkError(f"{self.path} is gone")
+        return data
+
+    def close(self) -> None:
+        """Give the port free."""
+        os.close(self._descriptor)
+
+
+class RigLink:
+    """Commands to the rig's firmware and its answers."""
+
+    def __init__(self, line: Line, now: Callable[[], float] = time.monotonic) -> None:
+        self._line, self._now = line, now
+        self._decoder = RigFrameDecoder()
+        self._sequence = 0
+
+    def where(self) -> RigState:
+        """Where the rig is. Raises LinkError where it does not answer."""
+        answer = self._command(encode_where)
+        if not isinstance(answer, RigState):
+            raise LinkError(f"the rig at {self._line.path} does not answer")
+        return answer
+
+    def stop(self) -> None:
+        """Hold the step that is set now; whether the rig hears it or not."""
+        with contextlib.suppress(LinkError):
+            self._command(encode_stop)
+
+    def move(self, set_points: Floats, steps: int) -> RigState | RigAck | None:
+        """To set points (4, 6) in steps of 50 ms: the state it ended in, the refusal, None where the rig is silent.
+
+        Raises LinkError where the port is gone, OutOfValidityError for what are no set points.
+        """
+        answer = self._command(lambda sequence: encode_move(sequence, set_points, steps))
+        if not isinstance(answer, RigAck):
+            return None
+        if answer.result != RigResult.OK:
+            return answer
+        until = self._now() + steps * STEP_S + MOVE_GRACE_S
+        while self._now() < until:
+            state = self._command(encode_where)
+            if not isinstance(state, RigState):
+                return None
+            if state.mode != RigMode.MOVING:
+                return state
+            # Asking keeps the rig moving: it stops by itself when it hears nothing for half a second.
+            self._listen(POLL_S)
+        self.stop()
+        return None
+
+    def _command(self, encode: Callable[[int], bytes]) -> RigAck | RigState | object | None:
+        """One command, at most three times; None without an answer."""
+        self._sequence = self._sequence % _LAST_SEQUENCE + 1
+        exchange = CommandExchange(encode(self._sequence))
+        message = exchange.begin()
+        while message:
+            self._line.send(message)
+            until = self._now() + ANSWER_WAIT_S
+            while (left_s := until - self._now()) > 0.0:
+                for kind, body in self._decoder.feed(self._line.read(left_s)):
+                    if exchange.heard(unpack(kind, body)):
+                        return exchange.answer
+            message = exchange.timed_out()
+        return None
+
+    def _listen(self, wait_s: float) -> None:
+        until = self._now() + wait_s
+        while (left_s := until - self._now()) > 0.0:
+            self._decoder.feed(self._line.read(left_s))
+
+
+class ReceiverLink:
+    """The receiver's text."""
+
+    def __init__(self, line: Line, now: Callable[[], float] = time.monotonic) -> None:
+        self._line, self._now = line, now
+        self._text = ReceiverText()
+
+    def tell(self, x_m: float) -> Event:
+        """One try of a depth: Replied, or Silent after two seconds. Late text of the point before is dropped first."""
+        while late := self._line.read(0.0):
+            self._text.feed(late)
+        if dropped := self._text.flush():
+            _log.warning("the receiver said %r when nothing was asked", dropped[:80])
+        self._line.send(encode_number(x_m))
+        until = self._now() + REPLY_WAIT_S
+        while (left_s := until - self._now()) > 0.0:
+            data = self._line.read(min(left_s, QUIET_S))
+            self._text.feed(data)
+            if not data and (reply := self._text.take_reply()) is not None:
+                return Replied(int(reply))
+        return Silent()
+
+    def result(self, timeout_s: float) -> Event:
+        """Result, Damaged where something else came, or Silent."""
+        until = self._now() + timeout_s
+        while (left_s := until - self._now()) > 0.0:
+            self._text.feed(self._line.read(min(left_s, QUIET_S)))
+            if (found := self._text.take_result()) is not None:
+                return Result(
+                    np.array(found.acoustic_mm),
+                    np.array(found.combined_mm),
+                    np.array(found.raw_mm),
+                    np.radians(found.attitude_deg),
+                )
+        rest = self._text.flush()
+        return Damaged(rest.decode("latin-1")) if rest else Silent()
+
+
+class RealRig:
+    """What a collection asks for, on a real rig and receiver."""
+
+    def __init__(self, rig: RigLink, receiver: ReceiverLink, say: Callable[[str], None]) -> None:
+        self._rig, self._receiver, self._say = rig, receiver, say
+
+    def ready(self) -> None:
+        """Waits until the rig stands at home and may move. Raises LinkError."""
+        self._until_ready()
+        state = self._rig.where()
+        if not np.all(np.abs(state.set_points) <= AT_HOME):  # NaN is nowhere
+            raise LinkError("the rig is not at home: press its button, which sends it there, and start again")
+
+    def run(self, collection: Collection, kept: Callable[[Action], None]) -> str:
+        """A whole collection; why it ended early, "" if it did not. However it ends, nothing moves afterwards."""
+        try:
+            pending = collection.next(Start())
+            while pending:
+                event: Event | None = None
+                for action in pending:
+                    kept(action)
+                    event = self._do(action, collection.paused) or event
+                if collection.finished:
+                    return str(getattr(pending[-1], "reason", ""))
+                if collection.paused:
+                    # The firmware went home by itself and waits for the next press.
+                    self._until_ready()
+                    event = Button()
+                if event is None:
+                    raise BugError("a collection asked for nothing that brings an event")
+                pending = collection.next(event)
+            return ""
+        finally:
+            self._rig.stop()
+
+    def _do(self, action: Action, pausing: bool) -> Event | None:
+        match action:
+            case SendDepth(x_m):
+                if self._paused():
+                    return Button()
+                return self._receiver.tell(x_m)
+            case Move(_, end, steps):
+                if pausing:
+                    return None  # the button's own way home: the firmware is on it
+                return Button() if self._paused() else self._move(end, steps)
+            case AwaitResult(timeout_s):
+                if self._paused():
+                    return Button()
+                return self._receiver.result(timeout_s)
+            case Hold(reason):
+                self._rig.stop()
+                self._say(f"Stopped: {reason}")
+            case _:
+                pass
+        return None
+
+    def _move(self, end: Floats, steps: int) -> Event:
+        answer = self._rig.move(np.tile(end, (PLATFORMS, 1)), steps)
+        if answer is None:
+            return Refused("the link to the rig is silent")
+        if isinstance(answer, RigAck):
+            return Refused(refusal(answer))
+        if answer.stopped_by == StopCause.ARRIVED:
+            return Moved()
+        if answer.stopped_by == StopCause.BUTTON:
+            return Button()
+        return Refused(f"it stopped on the way: {StopCause(answer.stopped_by).name.lower().replace('_', ' ')}")
+
+    def _paused(self) -> bool:
+        return self._rig.where().mode in (RigMode.WAITING, RigMode.HOMING)
+
+    def _until_ready(self) -> None:
+        said = False
+        until = time.monotonic() + PAUSE_LIMIT_S
+        while (state := self._rig.where()).mode != RigMode.READY:
+            if state.mode == RigMode.WAITING and not said:
+                self._say("The rig is paused: press its button to let it move")
+                said = True
+            if time.monotonic() > until:
+                raise LinkError("the rig stayed paused for an hour")
+            time.sleep(POLL_S)
+
+
+def refusal(ack: RigAck) -> str:
+    """In words, with platform and servo counted from 1 at the base."""
+    known = {int(each): each.name.lower().replace("_", " ") for each in RigResult}
+    words = known.get(ack.result, f"result {ack.result}")
+    if ack.platform is not None:
+        words += f", platform {ack.platform + 1}"
+    if ack.servo is not None:
+        words += f", servo {ack.servo + 1}"
+    return words
+
+
+@contextlib.contextmanager
+def connected(port: Path, receiver_port: Path, say: Callable[[str], None]) -> Iterator[RealRig]:
+    """A rig and its receiver on their serial ports, at home and allowed to move. Raises LinkError."""
+    with contextlib.ExitStack() as open_lines:
+        lines = []
+        for path, baud in ((port, RIG_BAUD), (receiver_port, RECEIVER_BAUD)):
+            lines.append(Line(path, baud))
+            open_lines.callback(lines[-1].close)
+        rig = RealRig(RigLink(lines[0]), ReceiverLink(lines[1]), say)
+        rig.ready()
+        yield rig
+
+
+def what_moves(sessions: Sequence[Session]) -> list[str]:
+    """For the person beside the rig: a line a session, before anything moves."""
+    lines = []
+    for session in sessions:
+        if session.motion is Motion.STATIONARY:
+            lines.append(f"{session.name}: nothing moves, {session.fixes} points at home")
+            continue
+        spans = ", ".join(
+            f"{axis} {session.ranges[axis][0]:g} to {session.ranges[axis][1]:g} {'mm' if axis in 'XYZ' else 'deg'}"
+            for axis in dict.fromkeys(session.order)
+        )
+        lines.append(f"{session.name}: all four platforms move ({session.motion.value}), {session.passes} x: {spans}")
+    return lines
