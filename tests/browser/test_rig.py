@@ -15,6 +15,8 @@ from patience import PATIENCE_S
 
 GPU_REMARK = "GL Driver Message"
 
+pytestmark = pytest.mark.browser
+
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:

@@ -54,10 +54,13 @@ def test_progress_says_how_much_is_left() -> None:
 
 
 SLEEPER = """
+    import signal
     import time
     from bluerov_slam.survey.batch import run_batch
 
+    # Whoever started the tests in the background may have left SIGINT ignored.
     if __name__ == "__main__":
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             for item, _ in run_batch(time.sleep, [0.0, 600.0], workers=2):
                 print("done", item, flush=True)
