@@ -120,7 +120,7 @@ def test_degrees_and_missing_numbers_are_refused() -> None:
 def test_fast_membership_agrees_with_many_searches_near_the_edge() -> None:
     sample = near_edge(SPACE.model, 30, 21)
     assert 0.3 < sample.reachable.mean() < 0.8
-    assert agreement(SPACE, sample).share >= 0.8  # 30 poses within 5 %; the figure over 1000 is in bench and docs
+    assert agreement(SPACE, sample).share >= 0.9  # 30 poses within 5 %; the figure over 1000 is in bench and docs
 
 
 def test_slow_search_shows_its_proofs() -> None:
@@ -132,8 +132,7 @@ def test_slow_search_shows_its_proofs() -> None:
     assert platform_margins(points, FO_SHIP_PLATFORM).allowed.all()
 
 
-def test_a_stack_without_a_learnt_edge_searches() -> None:
+def test_limits_of_each_platform_are_kept_apart() -> None:
     space = StackWorkspace(FO_SHIP, (FO_SHIP_LIMITS,) * 4)
-    assert space.edge is None
     assert space.reaches(HOME)
     assert not space.reaches(StackPose(HOME.position_mm + np.array([400.0, 0.0, 0.0]), np.eye(3)))

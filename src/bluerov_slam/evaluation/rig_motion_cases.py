@@ -7,6 +7,7 @@ import numpy as np
 from bluerov_slam.evaluation.acoustic_cases import share_row
 from bluerov_slam.evaluation.navigation_table import Row, Target
 from bluerov_slam.evaluation.rig_cases import RigCase, RigRun, figure
+from bluerov_slam.evaluation.rig_reach_reference import slsqp_reaches
 from bluerov_slam.evaluation.statistics import bootstrap
 from bluerov_slam.navigation.rotation import log_so3
 from bluerov_slam.rig.agreement import agreement, near_edge
@@ -17,16 +18,22 @@ from bluerov_slam.rig.workspace import StackWorkspace
 
 
 def membership(run: RigRun) -> list[Row]:
-    """R7: the fast test of reachability against a slow planner of many starts, near the edge of what is reachable."""
+    """R7: the test of reachability near the edge, against the same step from many starts and against another method."""
     space = StackWorkspace()
-    sample = near_edge(space.model, run.count(400, 20), run.seed)
+    sample = near_edge(space.model, run.count(1000, 20), run.seed)
     found = agreement(space, sample)
+    count = run.count(200, 4)
+    poses = [StackPose(sample.poses.position_mm[i], sample.poses.rotation[i]) for i in range(count)]
+    fast = np.array([space.reaches(pose) for pose in poses])
+    other = np.array([slsqp_reaches(space.model, pose, run.seed) for pose in poses])
     percent = 100.0 / found.count
     told = f"reachability within 5 % of the edge, {found.count} poses"
     return [
         figure("R7", f"{told}: agrees with the slow planner", 100.0 * found.share, "%", low=99.0),
         figure("R7.no", f"{told}: called out of reach, yet the planner got there", percent * found.false_no, "%"),
         figure("R7.yes", f"{told}: got there, where the planner had given up", percent * found.false_yes, "%"),
+        figure("R7.slsqp", f"{count} of them: agrees with SLSQP", 100.0 * float((fast == other).mean()), "%", low=99.0),
+        figure("R7.slsqp_no", f"{count} of them: no, yet SLSQP got there", 100.0 * float((~fast & other).mean()), "%"),
     ]
 
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bluerov_slam.rig.edge import SPREAD
 from bluerov_slam.rig.reach import ReachModel, rotation_from_vector, rotation_vector
 from bluerov_slam.rig.stack import StackPose, stack_pose
 
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
+SPREAD = np.array([84.0, 86.0, 37.0, 0.28, 0.28, 0.106])
+"""Of x, y, z (mm) and turns (rad) among the poses of `StackWorkspace.sample`."""
 STARTS = 8
 STEPS = 60
 FURTHEST = 10.0
