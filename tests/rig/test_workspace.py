@@ -32,6 +32,21 @@ def test_margins_and_tool_have_the_derivatives_of_differences() -> None:
             assert np.allclose(change, reach.tool_by[i, k], atol=1e-3)
 
 
+def test_a_step_of_one_pose_is_that_of_many() -> None:
+    model = ReachModel(FO_SHIP, FO_SHIP_LIMITS)
+    points = np.random.default_rng(4).uniform(-1.1, 1.1, (30, 4, 6)) * model.scale
+    wanted = stack_pose(np.random.default_rng(5).uniform(-0.9, 0.9, points.shape) * model.scale, FO_SHIP)
+    reach = model.evaluate(points)
+    many = model.step(reach, model.lacking(reach, wanted), 2e-3)
+    assert np.isfinite(many.bound).any()
+    for i in range(len(points)):
+        alone = model.evaluate(points[i])
+        lacking = model.lacking(alone, StackPose(wanted.position_mm[i], wanted.rotation[i]))
+        one = model.step(alone, lacking, 2e-3)
+        assert np.allclose(one.move, many.move[i], atol=1e-6)
+        assert np.allclose(one.bound, many.bound[i], atol=1e-6)
+
+
 def test_smooth_margins_have_the_sign_of_the_exact_ones() -> None:
     model = ReachModel(FO_SHIP, FO_SHIP_LIMITS)
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (4000, 4, 6)) * model.scale

@@ -288,11 +288,12 @@ class StackWorkspace:
 
     def _clear(self, points: Floats, spare_mm: float = 0.0) -> bool:
         """Whether no rod touches another or an arm."""
-        for point, platform, limits in zip(points, self.dimensions.platforms, self.limits, strict=True):
-            margins = platform_margins(point, platform, limits)
-            if float(margins.legs_mm) < spare_mm or float(margins.arms_mm) < spare_mm:
-                return False
-        return True
+        platforms, limits = self.dimensions.platforms, self.limits
+        if all(one == platforms[0] for one in platforms) and all(one == limits[0] for one in limits):
+            each = [platform_margins(points, platforms[0], limits[0])]
+        else:
+            each = [platform_margins(*one) for one in zip(points, platforms, limits, strict=True)]
+        return not any(bool(np.any(one.legs_mm < spare_mm) or np.any(one.arms_mm < spare_mm)) for one in each)
 
     def _touching(self, points: Floats) -> Limit:
         for point, platform, limits in zip(points, self.dimensions.platforms, self.limits, strict=True):
