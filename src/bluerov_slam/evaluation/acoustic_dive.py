@@ -77,16 +77,20 @@ def _mounting() -> ArrayMounting:
 
 
 def acoustic_dive(seed: int, errors: PingErrors | None = None, smooth: bool = False) -> AcousticDiveOutcome:
-    """Dive, hear, navigate, judge."""
+    """Dive, hear, navigate, judge. The smoothed track is that of a second pass, as `navigate` makes it."""
     dive = simulate(PLAN, seed, None)
     pings = list(pings_of(dive, seed, errors))
     navigator = Navigator(options(), saved_before(dive))
     run = run_navigator(merged(dive.records, pings), navigator, smooth)
+    smoothed = None
+    if smooth:
+        second = Navigator(options(), saved_before(dive))
+        smoothed = run_navigator(merged(dive.records, pings), second, smooth, navigator.smoothed()).smoothed
     heard = run.nis["acoustics"]
     return AcousticDiveOutcome(
         seed,
         figures(dive, run.causal, run.origin_deg),
-        None if run.smoothed is None else figures(dive, run.smoothed, run.origin_deg),
+        None if smoothed is None else figures(dive, smoothed, run.origin_deg),
         dive_bound_m(dive, (errors or ERRORS).direction_rad),
         heard.accepted,
         heard.rejected,

@@ -108,8 +108,11 @@ class NavigationRun:
     events: list[str] = field(default_factory=list)
 
 
-def run_navigator(records: Iterable[Record], navigator: Navigator, smooth: bool = False) -> NavigationRun:
-    """Feed all records; with `smooth` every step again afterwards, with what came after it."""
+def run_navigator(
+    records: Iterable[Record], navigator: Navigator, smooth: bool = False, first_pass: Sequence[NavState] = ()
+) -> NavigationRun:
+    """Feed all records; with `smooth` every step again afterwards, with what came after it. `first_pass`: the smoothed
+    states of a run over the same records."""
     nis: dict[str, SensorNis] = {}
 
     def hear(result: UpdateResult) -> None:
@@ -117,7 +120,7 @@ def run_navigator(records: Iterable[Record], navigator: Navigator, smooth: bool 
 
     navigator.on_update = hear
     if smooth:
-        navigator.keep_for_smoothing()
+        navigator.keep_for_smoothing(first_pass)
     states: list[NavState] = []
     events: list[str] = []
     second = -math.inf

@@ -7,7 +7,7 @@ bit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,7 @@ from bluerov_slam.pipeline.navigator_start import Start, StartUp, make_filter
 from bluerov_slam.pipeline.navigator_thrust import ThrustIntake
 from bluerov_slam.pipeline.navigator_time import VehicleClocks
 from bluerov_slam.pipeline.navigator_words import Wait
+from bluerov_slam.pipeline.smoothed_poses import SmoothedPoses
 from bluerov_slam.records import (
     AcousticFix,
     CtdSample,
@@ -197,9 +198,13 @@ class Navigator:
         core.now_s = before_s
         return [state]
 
-    def keep_for_smoothing(self) -> None:
-        """Offline: remember every step for `smoothed`. Before the first record."""
+    def keep_for_smoothing(self, first_pass: Sequence[NavState] = ()) -> None:
+        """Offline: remember every step for `smoothed`. Before the first record. With the smoothed states of a first
+        pass over the same records, acoustic pulses are taken as they are seen from there.
+        """
         self._recorders = []
+        if first_pass and self._acoustics is not None:
+            self._acoustics.poses = SmoothedPoses(first_pass)
 
     def smoothed(self) -> list[NavState]:
         """All steps again, each with what came after it."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bluerov_slam.pipeline.navigator_core import Core
     from bluerov_slam.pipeline.navigator_depth import DepthIntake
     from bluerov_slam.pipeline.navigator_position import Positions
+    from bluerov_slam.pipeline.smoothed_poses import SmoothedPoses
     from bluerov_slam.records import AcousticFix, CtdSample
 
 SENSOR: Final = "acoustics"
@@ -53,6 +54,8 @@ class AcousticIntake:
         self._pending: Verdict | None = None
         self._first: deque[AcousticFix] = deque(maxlen=AGREEING)
         self._bend = AcousticBend()
+        # Offline, in a second pass: where the vehicle was.
+        self.poses: SmoothedPoses | None = None
 
     def water(self, record: CtdSample) -> None:
         """What the CTD says of the water that the sound comes through."""
@@ -129,6 +132,7 @@ class AcousticIntake:
             alternatives=tuple((np.array(delays), share) for delays, share in record.alternatives),
             options=AidOptions(core.book[SENSOR].noise_scale * options.direction_std_rad, options.outlier_share),
             covariance_of=lambda: filter_.covariance,
+            about=None if self.poses is None else self.poses(record.measured_s),
             bend_rad=bend,
             bend_std_rad=bend_std,
             verdict=verdict,

@@ -118,8 +118,28 @@ def run_navigation(
     run = collector.run(list(dict.fromkeys(recording.problems)))
     run.water = navigator.whole_water_column()
     if smooth:
-        run.smoothed = _smoothed(navigator.smoothed(), run.filtered, keep)
+        states = navigator.smoothed()
+        if "acoustics" in ear.heard:
+            # A direction from where the vehicle was is worth more than one from where it was thought to be.
+            states = _second_pass(recording, options, saved, baud, states)
+        run.smoothed = _smoothed(states, run.filtered, keep)
     return run
+
+
+def _second_pass(
+    recording: Recording,
+    options: NavigatorOptions | None,
+    saved: SavedNavigation | None,
+    baud: int,
+    first: list[NavState],
+) -> list[NavState]:
+    """All again, the acoustic pulses as they are seen from the smoothed track."""
+    navigator = Navigator(options, saved)
+    navigator.keep_for_smoothing(first)
+    aided = AcousticNavigation(navigator, navigator.options.acoustics)
+    for record in decode(recording, baud):
+        aided.feed(record)
+    return navigator.smoothed()
 
 
 def _smoothed(states: list[NavState], live: NavTrack, keep: Callable[[NavState], None]) -> NavTrack:
