@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -7,11 +8,12 @@ import pytest
 from bluerov_slam.acoustics.array import ArrayMounting, ReceiverArray
 from bluerov_slam.acoustics.navigation_aid import BEACON, MOUNTING
 from bluerov_slam.navigation.local_frame import LocalFrame
-from bluerov_slam.navigation.rotation import rotation_from_euler
+from bluerov_slam.navigation.rotation import euler_from_rotation, quaternion_from_rotation, rotation_from_euler
 from bluerov_slam.pipeline.acoustic_options import AcousticOptions
 from bluerov_slam.pipeline.navigator import Navigator
 from bluerov_slam.pipeline.navigator_options import NavigatorOptions
 from bluerov_slam.pipeline.navigator_start import ACOUSTIC_LAYOUT, LAYOUT
+from bluerov_slam.pipeline.smoothed_poses import LONGEST_GAP_S, SmoothedPoses
 from bluerov_slam.records import AcousticFix, NavSensor, NavState, PositionFix, SensorTrust, VehicleAttitude
 
 ORIGIN = LocalFrame(47.6, -2.7)
@@ -21,6 +23,7 @@ MOUNTING_RAD = (0.0, -math.pi / 2.0, 0.0)
 SOUND = 1490.0
 TIMING_S = 1e-6
 HEADING_RAD = 0.6
+REST_NED = np.array((5.0, -8.0, 0.0))
 
 
 def place_deg(north_m: float, east_m: float) -> tuple[float, float]:
@@ -203,3 +206,59 @@ def test_the_first_position_may_come_from_the_transmitter() -> None:
     assert state is not None
     assert "Position known, from the acoustic array" in texts
     assert horizontal_error_m(state) < 5.0
+
+
+def far_off(first_pass: list[NavState]) -> list[NavState]:
+    """At rest: fixes for 20 s, then adrift, then pulses from a place that is known to tens of metres only."""
+    made = navigator()
+    made.keep_for_smoothing(first_pass)
+    for tick in range(900):
+        at_s = 0.2 * tick
+        made.feed(attitude(at_s))
+        if tick % 5 == 0 and at_s < 20.0:
+            made.feed(fix(at_s, 5.0, -8.0))
+        if tick % 25 == 0 and at_s >= 120.0:
+            made.feed(pulse(at_s, REST_NED))
+    return made.smoothed()
+
+
+def test_passes_over_a_recording_settle_as_gauss_newton_does() -> None:
+    passes: list[list[NavState]] = [[]]
+    for _ in range(3):
+        passes.append(far_off(passes[-1]))
+    places = [
+        np.array([each.position_ned_m for each in states if each.position_ned_m is not None]) for states in passes[1:]
+    ]
+    second, third = (np.abs(after - before).max() for before, after in pairwise(places))
+    assert second > 0.01
+    assert third < 0.2 * second
+
+
+def state_at(at_s: float, north_m: float, yaw_rad: float) -> NavState:
+    known = next(state for state in reversed(run_of_one_second()) if state.position_ned_m is not None)
+    turn = quaternion_from_rotation(rotation_from_euler(0.0, 0.0, yaw_rad))
+    return replace(known, measured_s=at_s, position_ned_m=(north_m, 0.0, 0.0), quaternion_ned_frd=turn)
+
+
+def run_of_one_second() -> list[NavState]:
+    made = navigator()
+    made.keep_for_smoothing()
+    for tick in range(10):
+        made.feed(attitude(0.2 * tick))
+        made.feed(fix(0.2 * tick, 0.0, 0.0))
+    return made.smoothed()
+
+
+def test_between_states_place_and_turn_are_even_and_beyond_them_unknown() -> None:
+    poses = SmoothedPoses([state_at(10.0, 0.0, 3.1), state_at(11.0, 4.0, -3.1), state_at(14.0, 5.0, 0.0)])
+    pose = poses(10.25)
+    assert pose is not None
+    assert pose.position_ned_m[0] == pytest.approx(1.0)
+    assert euler_from_rotation(pose.rotation_ned_frd)[2] == pytest.approx(3.1 + 0.25 * (2.0 * np.pi - 6.2))
+    exact = poses(11.0)
+    assert exact is not None
+    assert exact.position_ned_m[0] == 4.0
+    assert poses(9.99) is None
+    assert poses(14.01) is None
+    assert LONGEST_GAP_S < 14.0 - 11.0
+    assert poses(12.0) is None
