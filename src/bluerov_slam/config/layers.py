@@ -18,7 +18,8 @@ from typing import Literal, get_args, get_origin
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from bluerov_slam.config.tree import Group, Settings
+from bluerov_slam.config.kinds import Group
+from bluerov_slam.config.tree import Settings
 from bluerov_slam.errors import ConfigError
 
 ENVIRONMENT_PREFIX = "BLUEROV_SLAM_"

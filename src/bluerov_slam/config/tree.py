@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator, model_validator
+from pydantic import field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-Port = Annotated[int, Field(ge=0, le=65535)]
-HostName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:\-]{1,253}$")]
+from bluerov_slam.config.acoustics import AcousticsSettings
+from bluerov_slam.config.kinds import (
+    PLACE_PATTERN,
+    Angles3,
+    Directions,
+    Group,
+    HostName,
+    Names,
+    Origins,
+    Port,
+    Vector3,
+    on_earth,
+    place_deg,
+    setting,
+)
+
 # On every BlueROV2. Its port 14401 is where QGroundControl reads NMEA.
 SURFACE_COMPUTER = "192.168.2.1"
 NMEA_PORT = 14401
 # Identities of others on the vehicle's network: to speak as them disturbs arming, steering or the lost-link failsafe.
 FOREIGN_COMPONENTS = {1: "the autopilot's", 190: "a ground station's"}
-Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
-Vector3 = Annotated[tuple[Metres, Metres, Metres], Field(strict=False)]
-Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
-Angles3 = Annotated[tuple[Degrees, Degrees, Degrees], Field(strict=False)]
-Resonances = Annotated[tuple[Annotated[float, Field(ge=5.0, le=500.0)], ...], Field(strict=False, max_length=16)]
-Skews = Annotated[tuple[Annotated[float, Field(ge=-100.0, le=100.0)], ...], Field(strict=False, max_length=16)]
-PLACE_PATTERN = r"^\s*(-?\d{1,2}(\.\d{1,12})?\s*,\s*-?\d{1,3}(\.\d{1,12})?\s*)?$"
-Directions = Annotated[tuple[Literal[1, -1], ...], Field(strict=False, max_length=8)]
-Names = Annotated[tuple[HostName, ...], Field(strict=False, max_length=16)]
-Origins = Annotated[
-    tuple[Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/\-]{1,253}$")], ...],
-    Field(strict=False, max_length=16),
-]
-
-
-def setting(
-    default: Any, reason: str, *, unit: str | None = None, live: bool = False, secret: bool = False, **limits: Any
-) -> Any:
-    """One setting. `live`: a change takes effect at once, without a restart. `secret`: never shown or backed up."""
-    extra: dict[str, Any] = {"unit": unit, "restart": not live, "secret": secret}
-    return Field(default=default, description=reason, json_schema_extra=extra, **limits)
-
-
-class Group(BaseModel):
-    """One group of settings: immutable, no unknown key, no value of another type."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class SerialSettings(Group):
@@ -293,130 +278,12 @@ class NavigationSettings(Group):
     @field_validator("origin")
     @classmethod
     def _origin_is_on_earth(cls, origin: str) -> str:
-        return _on_earth(origin)
+        return on_earth(origin)
 
     @property
     def origin_deg(self) -> tuple[float, float] | None:
         """The fixed origin, if there is one."""
-        return _place(self.origin)
-
-
-class AcousticsSettings(Group):
-    """Acoustic positioning: an array of receivers on the vehicle hears one transmitter at a known place."""
-
-    enabled: bool = setting(
-        False, "an array is fitted: find direction and position from what its board sends", live=True
-    )
-    udp_host: HostName = setting(
-        "127.0.0.1",
-        "address where the board's datagrams are taken; 0.0.0.0 for a board on the vehicle's network",
-        live=True,
-    )
-    udp_port: Port = setting(14557, "UDP port for the board's frames; 0 takes a free port", live=True)
-    array: Literal["cross", "cross_with_centre", "cross_with_stalk", "places"] = setting(
-        "cross",
-        "four receivers in an X, a fifth in its middle or an arm's length before it, or anywhere (acoustics.places_m)",
-        live=True,
-    )
-    arm_m: float = setting(0.25, "from the centre of the X to each receiver", unit="m", live=True, ge=0.02, le=5.0)
-    places_m: str = setting(
-        "",
-        "forward, right, down of each receiver from the array's centre, such as 0,-0.2,-0.2; 0,-0.2,0.2; 0,0.2,0",
-        unit="m",
-        live=True,
-        max_length=1000,
-    )
-    sample_skew_us: Skews = setting(
-        (), "how much later than receiver 0 the board samples each one, in raw records; empty: all at once", unit="us",
-        live=True,
-    )  # fmt: skip
-    receiver_khz: Resonances = setting(
-        (), "resonance of each receiver as isbl calibrate-array finds it; evens out raw records; empty: not known",
-        unit="kHz", live=True,
-    )  # fmt: skip
-    mounting_rpy_deg: Angles3 = setting(
-        (0.0, 0.0, 0.0),
-        "roll, pitch, yaw that turn the array's forward, right, down into the vehicle's; looking down: 0, -90, 0",
-        unit="deg", live=True,
-    )  # fmt: skip
-    lever_arm_frd_m: Vector3 = setting(
-        (0.0, 0.0, 0.0), "the array's centre from the IMU: forward, right, down", unit="m", live=True
-    )
-    beacon: str = setting(
-        "",
-        "the transmitter's latitude and longitude in degrees, such as 54.3219, 10.1356; empty: only its direction",
-        live=True,
-        pattern=PLACE_PATTERN,
-    )
-    beacon_depth_m: float = setting(
-        1.0, "the transmitter's depth below the surface", unit="m", live=True, ge=0.0, le=6000.0
-    )
-    beacon_std_m: float = setting(
-        1.0, "how sure the transmitter's place is, one standard deviation", unit="m", live=True, ge=0.0, le=1000.0
-    )
-    beacon_from_message: bool = setting(
-        True, "take the transmitter's place from its own messages where it sends any", live=True
-    )
-    sound_speed_source: Literal["ctd", "fixed"] = setting(
-        "ctd", "where the speed of sound comes from; without a CTD it is the fixed one", live=True
-    )
-    sound_speed_mps: float = setting(
-        1500.0, "speed of sound: sea water 1450 to 1550, fresh water 1400 to 1500, air 343", unit="m/s", live=True,
-        ge=300.0, le=1700.0,
-    )  # fmt: skip
-    carrier_khz: float = setting(40.0, "frequency of the transmitter", unit="kHz", live=True, ge=5.0, le=500.0)
-    delay_std_us: float = setting(
-        0.5, "error of a delay that the board measured itself, one standard deviation", unit="us", live=True,
-        ge=0.001, le=1000.0,
-    )  # fmt: skip
-    use_for_navigation: bool = setting(True, "let the position estimate rest on it, too", live=True)
-
-    @field_validator("beacon")
-    @classmethod
-    def _beacon_is_on_earth(cls, beacon: str) -> str:
-        return _on_earth(beacon)
-
-    @model_validator(mode="after")
-    def _receivers_fit(self) -> Self:
-        wanted = self.array == "places"
-        try:
-            places = self.receiver_places_m
-            fits = all(len(place) == 3 for place in places) and (not wanted or len(places) >= 3)
-            fits = fits and all(math.dist(a, b) >= 0.001 for a, b in itertools.combinations(places, 2))
-        except ValueError:
-            fits = False
-        if not fits:
-            raise PydanticCustomError(
-                "setting",
-                "expected three numbers for each of three or more receivers, no two at one place, such as "
-                "0,-0.2,-0.2; 0,-0.2,0.2; 0,0.2,0",
-                {"key": "acoustics.places_m"},
-            )
-        count = len(places) if wanted else 4 + (self.array != "cross")
-        if self.sample_skew_us and len(self.sample_skew_us) != count:
-            raise PydanticCustomError(
-                "setting",
-                "expected one number for each receiver, or none",
-                {"key": "acoustics.sample_skew_us"},
-            )
-        if self.receiver_khz and len(self.receiver_khz) != count:
-            raise PydanticCustomError(
-                "setting",
-                "expected one number for each receiver, or none",
-                {"key": "acoustics.receiver_khz"},
-            )
-        return self
-
-    @property
-    def receiver_places_m(self) -> tuple[tuple[float, ...], ...]:
-        """`places_m` as numbers. Raises ValueError."""
-        rows = [row for row in self.places_m.split(";") if row.strip()]
-        return tuple(tuple(float(part) for part in row.split(",")) for row in rows)
-
-    @property
-    def beacon_deg(self) -> tuple[float, float] | None:
-        """The transmitter's place, if it is known."""
-        return _place(self.beacon)
+        return place_deg(self.origin)
 
 
 class DisplaySettings(Group):
@@ -493,20 +360,6 @@ class Settings(Group):
         """Where the dives are."""
         folder = self.recording.folder
         return Path(folder).expanduser() if folder else self.state_folder / "recordings"
-
-
-def _on_earth(place: str) -> str:
-    degrees = _place(place)
-    if degrees is not None and (abs(degrees[0]) > 90.0 or abs(degrees[1]) > 180.0):
-        raise ValueError("expected latitude -90 to 90 and longitude -180 to 180")
-    return place
-
-
-def _place(text: str) -> tuple[float, float] | None:
-    if not text.strip():
-        return None
-    latitude_deg, longitude_deg = map(float, text.split(","))
-    return latitude_deg, longitude_deg
 
 
 def _refuse_twins(ports: Mapping[str, int]) -> None:

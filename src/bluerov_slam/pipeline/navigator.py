@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -494,8 +493,3 @@ class Navigator:
             return
         if self._start.fault is not None:
             core.book["imu"].refuse(self._start.fault, core.now_s)
-
-
-def options_as_json(options: NavigatorOptions) -> dict[str, Any]:
-    """For a report: every figure that was used."""
-    return asdict(options)
