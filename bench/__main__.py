@@ -23,7 +23,6 @@ MODULES = (
     "simulated_dive",
     "acoustic_records",
     "rig_kinematics",
-    "rig",
     "rig_workspace",
 )
 RESULTS = Path(__file__).parent / "results.json"

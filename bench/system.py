@@ -200,10 +200,11 @@ def percentile(values: list[float], percent: float) -> float:
     return ordered[min(len(ordered) - 1, int(len(ordered) * percent / 100.0))]
 
 
-def row(identifier: str, name: str, value: float, unit: str, must: str, reference: str = "") -> dict[str, object]:
-    """One line of the table. `must` is an operator and a number, such as '<= 5'."""
-    operator, limit = must.split()
-    holds = {"<=": value <= float(limit), ">=": value >= float(limit), "==": value == float(limit)}[operator]
+def row(identifier: str, name: str, value: float, unit: str, must: str = "", reference: str = "") -> dict[str, object]:
+    """One line of the table. `must` is an operator and a number, such as '<= 5', or empty: then it is only told."""
+    operator, limit = must.split() if must else ("", "nan")
+    bound = float(limit)
+    holds = {"<=": value <= bound, ">=": value >= bound, "==": value == bound, "": True}[operator]
     return {
         "id": identifier,
         "name": name,
