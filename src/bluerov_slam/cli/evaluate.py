@@ -15,9 +15,9 @@ from bluerov_slam.cli.evaluation_options import (
     run_all,
     run_options,
     tell,
+    wanted_cases,
     warn_of_tuning_seeds,
 )
-from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.navigation_cases import Job, Outcome
@@ -56,10 +56,10 @@ def navigation(
     data_folder: Path,
 ) -> None:
     """Run the cases N1 to N8 (docs/evaluation.md) and print what came out beside what must come out."""
-    from bluerov_slam.evaluation.navigation_cases import jobs_for
+    from bluerov_slam.evaluation.navigation_cases import CASES, jobs_for
     from bluerov_slam.evaluation.navigation_table import table
 
-    wanted = _wanted(cases)
+    wanted = wanted_cases(cases, CASES)
     warn_of_tuning_seeds(seed_base)
     wanted = [case for case in wanted if _has_data(case, data_folder)]
     tasks = [Task(job, firmware, str(data_folder)) for job in jobs_for(wanted, range(seed_base, seed_base + seeds))]
@@ -101,16 +101,6 @@ def _imported(path: str) -> list[Record]:
     from bluerov_slam.sources.log_import import read_log
 
     return read_log(Path(path)).records
-
-
-def _wanted(cases: str) -> list[str]:
-    from bluerov_slam.evaluation.navigation_cases import CASES
-
-    names = [name.strip().upper() for name in cases.split(",") if name.strip()] or list(CASES)
-    unknown = [name for name in names if name not in CASES]
-    if unknown:
-        raise ConfigError(f"--cases: {', '.join(unknown)} is none of {', '.join(CASES)}")
-    return names
 
 
 def _has_data(case: str, folder: Path) -> bool:

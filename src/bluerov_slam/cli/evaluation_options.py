@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.navigation_table import Row
@@ -58,6 +60,15 @@ def run_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def wanted_cases(cases: str, known: Collection[str]) -> list[str]:
+    """The ids of "I1, i2"; all that are known where none is named. Raises ConfigError."""
+    names = [name.strip().upper() for name in cases.split(",") if name.strip()] or list(known)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ConfigError(f"--cases: {', '.join(unknown)} is none of {', '.join(known)}")
+    return names
 
 
 def warn_of_tuning_seeds(seed_base: int) -> None:

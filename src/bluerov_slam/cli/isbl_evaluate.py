@@ -16,9 +16,9 @@ from bluerov_slam.cli.evaluation_options import (
     run_all,
     run_options,
     tell,
+    wanted_cases,
     warn_of_tuning_seeds,
 )
-from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.acoustic_cases import AcousticCase, AcousticJob
@@ -89,8 +89,4 @@ def _wanted(cases: str) -> list[AcousticCase]:
     from bluerov_slam.survey.acoustic_evaluation import every_case
 
     known = every_case()
-    names = [name.strip().upper() for name in cases.split(",") if name.strip()] or list(known)
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise ConfigError(f"--cases: {', '.join(unknown)} is none of {', '.join(known)}")
-    return [known[name] for name in names]
+    return [known[name] for name in wanted_cases(cases, known)]

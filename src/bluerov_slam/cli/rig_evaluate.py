@@ -13,9 +13,9 @@ from bluerov_slam.cli.evaluation_options import (
     data_option,
     json_option,
     tell,
+    wanted_cases,
     warn_of_tuning_seeds,
 )
-from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,8 +59,4 @@ def _wanted(cases: str) -> list[RigCase]:
     from bluerov_slam.evaluation.rig_cases import all_cases
 
     known = all_cases()
-    names = [name.strip().upper() for name in cases.split(",") if name.strip()] or list(known)
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise ConfigError(f"--cases: {', '.join(unknown)} is none of {', '.join(known)}")
-    return [known[name] for name in names]
+    return [known[name] for name in wanted_cases(cases, known)]

@@ -56,13 +56,9 @@ def pose_of(text: str, what: str = "--tool") -> StackPose:
 
 def euler_deg(rotation: Array) -> Array:
     """Roll, pitch, yaw of Rz Ry Rx, degrees."""
-    return np.degrees(
-        [
-            np.arctan2(rotation[2, 1], rotation[2, 2]),
-            -np.arcsin(np.clip(rotation[2, 0], -1.0, 1.0)),
-            np.arctan2(rotation[1, 0], rotation[0, 0]),
-        ]
-    )
+    from bluerov_slam.navigation.rotation import euler_from_rotation
+
+    return np.degrees(euler_from_rotation(rotation))
 
 
 def pose_words(pose: StackPose) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bluerov_slam import __version__
 from bluerov_slam.errors import ConfigError
 from bluerov_slam.geometry.platform_stack import PLATFORMS, rotations
+from bluerov_slam.navigation.rotation import euler_from_rotation
 from bluerov_slam.rig import demo
 from bluerov_slam.rig.dimensions import FO_SHIP, AxisLimits
 from bluerov_slam.rig.limits import FO_SHIP_LIMITS, platform_margins
@@ -213,12 +214,7 @@ def _lines(scene: StackScene) -> dict[str, Array]:
 
 def _pose_numbers(pose: StackPose) -> list[float]:
     """x, y, z in mm and roll, pitch, yaw in degrees."""
-    turn = pose.rotation
-    angles = (
-        np.arctan2(turn[2, 1], turn[2, 2]),
-        -np.arcsin(np.clip(turn[2, 0], -1.0, 1.0)),
-        np.arctan2(turn[1, 0], turn[0, 0]),
-    )
+    angles = euler_from_rotation(pose.rotation)
     return [round(float(value), 4) + 0.0 for value in (*pose.position_mm, *np.degrees(angles))]
 
 
