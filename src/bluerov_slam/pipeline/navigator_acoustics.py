@@ -114,7 +114,9 @@ class AcousticIntake:
         covariance = np.array(record.delay_covariance_s2, dtype=np.float64)
         covariance += LEAST_TIMING_S**2 * np.eye(len(covariance))
         self._pending = verdict = Verdict()
-        north, east, down = filter_.estimate.position_ned_m.tolist()
+        about = None if self.poses is None else self.poses(record.measured_s)
+        seen_from_ned_m = filter_.estimate.position_ned_m if about is None else about.position_ned_m
+        north, east, down = seen_from_ned_m.tolist()
         # The filter's own depth is counted from where the sensor was zeroed.
         beacon_down_m = beacon[2] - (ZEROED_BELOW_M if self._depth.zeroed_afloat else 0.0)
         bend, bend_std = 0.0, 0.0
@@ -132,7 +134,7 @@ class AcousticIntake:
             alternatives=tuple((np.array(delays), share) for delays, share in record.alternatives),
             options=AidOptions(core.book[SENSOR].noise_scale * options.direction_std_rad, options.outlier_share),
             covariance_of=lambda: filter_.covariance,
-            about=None if self.poses is None else self.poses(record.measured_s),
+            about=about,
             bend_rad=bend,
             bend_std_rad=bend_std,
             verdict=verdict,
