@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import pytest
@@ -180,3 +181,35 @@ def test_the_extension_speaks_of_it_at_once(system: RunningSystem, open_page: Op
     page = open_page(system.dashboard, prepare=prepare)
     live(page)
     until(page, lambda: "acoustics" in topics)
+
+
+def refused(message: dict[str, Any]) -> dict[str, Any]:
+    """The status with a chip of the array that has much to say."""
+    if message["topic"] == "status":
+        for chip in message["data"]["chips"]:
+            if chip["id"] == "acoustics":
+                chip |= {
+                    "state": "fault",
+                    "text": "Refused: receivers seem exchanged",
+                    "cause": "Receivers 0 and 2.",
+                    "cure": "Check their plugs.",
+                    "age_s": 0.4,
+                    "parts": [["Pulses", "40 heard, 39 refused"]],
+                }
+    return message  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [1920, 1440, 1180, 1024, 390, 320])
+def test_the_chip_is_whole_at_every_width_and_opens(system: RunningSystem, open_page: OpenPage, width: int) -> None:
+    page = open_page(system.dashboard, width=width, prepare=changed_messages(refused))
+    live(page)
+    chip = page.get_by_role("button", name="Acoustics: Fault")
+    expect(chip).to_have_attribute(
+        "title", re.compile("exchanged\nCause: Receivers 0 and 2.\nCure: Check their plugs.")
+    )
+    cut = "[...document.querySelectorAll('#strip .chip-label')].filter((l) => l.scrollWidth > l.clientWidth + 1)"
+    assert page.evaluate(f"{cut}.map((l) => l.textContent)") == []
+    chip.click()
+    detail = page.get_by_role("dialog", name="Acoustics")
+    for words in ("Refused: receivers seem exchanged", "Check their plugs.", "40 heard, 39 refused"):
+        expect(detail).to_contain_text(words)

@@ -91,6 +91,14 @@ def test_a_direction_alone_says_what_is_missing() -> None:
     assert "beacon_depth_m" in said.cure
 
 
+def test_one_pulse_without_a_range_among_fixes_is_no_warning() -> None:
+    alone = {"range_m": None, "position_deg": None, "reason": "no position: the attitude is not known yet"}
+    assert words(*series(), fix(8.0, **alone)).state is AcousticState.OK
+    said = words(*series(), *(fix(8.0 + k, **alone) for k in range(3)))
+    assert said.text == "Direction only: the attitude is not known yet"
+    assert "Navigation tab" in said.cure
+
+
 def test_a_place_that_is_missing_while_the_range_is_known_is_told() -> None:
     said = words(
         *series(position_deg=None, reason="no position: the transmitter's place is not known; set acoustics.beacon")

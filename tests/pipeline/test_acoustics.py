@@ -70,6 +70,15 @@ def test_delays_alone_give_a_direction() -> None:
     assert fix.position_deg is None
     assert "attitude" in fix.reason
     assert fix.direction_covariance_rad2 is not None
+    # Across the line of sight: what one pulse is worth, and a little for its timing.
+    across_rad = math.sqrt(fix.direction_covariance_rad2[0][0]) * math.cos(fix.elevation_rad or 0.0)
+    assert across_rad == pytest.approx(OPTIONS.direction_std_rad, rel=0.05)
+    assert across_rad > OPTIONS.direction_std_rad
+
+
+def test_a_quiet_water_that_the_settings_promise_leaves_the_timing() -> None:
+    fix = only(AcousticPipeline(replace(OPTIONS, direction_std_rad=0.0)).feed(reading()))
+    assert fix.direction_covariance_rad2 is not None
     assert 0.0 < math.sqrt(fix.direction_covariance_rad2[0][0]) < math.radians(0.5)
 
 
@@ -102,13 +111,25 @@ def test_an_uncertain_heading_makes_the_position_uncertain_across() -> None:
     unsure[5, 5] = math.radians(5.0) ** 2
     widths = []
     for covariance in (sure, unsure):
-        pipeline = AcousticPipeline(OPTIONS)
+        pipeline = AcousticPipeline(replace(OPTIONS, direction_std_rad=0.0))
         pipeline.observe(state(10.0, pose_covariance=covariance))
         fix = only(pipeline.feed(reading((20.0, 0.0, -8.0))))
         assert fix.covariance_ned_m2 is not None
         widths.append(math.sqrt(fix.covariance_ned_m2[1][1]))
     assert widths[0] < 0.2
     assert widths[1] == pytest.approx(20.0 * math.radians(5.0), rel=0.1)
+
+
+def test_what_one_pulse_is_worth_makes_the_position_uncertain() -> None:
+    pipeline = AcousticPipeline(OPTIONS)
+    pipeline.observe(state(10.0, pose_covariance=np.zeros((6, 6))))
+    fix = only(pipeline.feed(reading((20.0, 0.0, -8.0))))
+    assert fix.covariance_ned_m2 is not None
+    assert fix.range_std_m is not None
+    # Across by the level range; along by what the elevation makes of a depth that is known.
+    assert math.sqrt(fix.covariance_ned_m2[1][1]) == pytest.approx(20.0 * OPTIONS.direction_std_rad, rel=0.1)
+    slant_m = math.hypot(20.0, 8.0)
+    assert fix.range_std_m == pytest.approx(slant_m * OPTIONS.direction_std_rad * 20.0 / 8.0, rel=0.1)
 
 
 def test_a_pose_that_is_too_old_is_not_used() -> None:

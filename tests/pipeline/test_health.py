@@ -24,7 +24,8 @@ from bluerov_slam.protocol.esp32_messages import MessageType, encode_frame
 from bluerov_slam.records import Channel
 from pipeline.esp32_stream import compressed_ping, golden, gps, imu, sensors, status
 
-CHIPS = ["link", "sonar_a", "sonar_b", "imu", "depth", "ctd", "gps", "recorder", "mavlink", "navigation"]
+CHIPS = ["link", "sonar_a", "sonar_b", "imu", "depth", "ctd", "gps", "recorder", "mavlink"]
+CHIPS += ["navigation", "acoustics"]
 PING = bytes(1000)
 RECORDING = RecorderFacts(RecorderState.RECORDING, "session.jsonl", 1000, 9000.0, 0, 0, 50_000_000_000, 90_000.0)
 MAVLINK_OFF = MavlinkFacts(enabled=False)
@@ -86,7 +87,7 @@ def test_a_healthy_system_is_all_ok() -> None:
     health = bench.run(12, healthy)
     assert [chip.id for chip in health.chips] == CHIPS
     states = {chip.id: chip.state for chip in health.chips}
-    assert states == {**dict.fromkeys(CHIPS, ChipState.OK), "mavlink": ChipState.OFF, "navigation": ChipState.OFF}
+    assert states == {**dict.fromkeys(CHIPS, ChipState.OK), **dict.fromkeys(CHIPS[-3:], ChipState.OFF)}
     assert health.faults == ()
     assert bench.chip("sonar_a").text == "2.0 pings/s, 20 m"
     assert bench.chip("imu").text == "Nine axes, 20 Hz"
@@ -293,7 +294,7 @@ def test_a_sensor_that_fails(changes: dict[str, int], chip_id: str, fault_id: st
         # The frame that tells of the silence is not data of the sensor.
         assert bench.chip(chip_id).age_s is None
     others = [chip.id for chip in bench.health.chips if chip.state is not ChipState.OK]
-    assert set(others) - {"mavlink", "navigation"} <= {chip_id, "ctd"}
+    assert set(others) - {"mavlink", "navigation", "acoustics"} <= {chip_id, "ctd"}
 
 
 def test_no_fix_under_water_is_nothing_wrong() -> None:

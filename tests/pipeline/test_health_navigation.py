@@ -31,8 +31,7 @@ def assess(facts, link=PortState.CONNECTED):
             navigation=facts,
         ),
     )  # fmt: skip
-    chip = health.chips[-1]
-    assert chip.id == "navigation"
+    chip = next(chip for chip in health.chips if chip.id == "navigation")
     assert 0 < len(chip.text) <= 40
     faults = [fault for fault in health.faults if fault.title.startswith("Navigation")]
     assert all(all(dataclasses.astuple(fault)) for fault in faults)

@@ -94,5 +94,5 @@ def test_health_is_assessed_also_when_nobody_listens():
 
 def test_the_first_question_is_answered_before_the_first_tick_without_raising_events():
     rig = Rig()
-    assert len(rig.report.data()["chips"]) == 10
+    assert len(rig.report.data()["chips"]) == 11
     assert rig.healths == []

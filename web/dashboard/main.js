@@ -29,6 +29,7 @@ const CHIPS = /** @type {Array<[string, string]>} */ ([
   ['recorder', 'Recorder'],
   ['mavlink', 'MAVLink'],
   ['navigation', 'Navigation'],
+  ['acoustics', 'Acoustics'],
 ]);
 const REFRESH_MS = 250;
 /** Status comes each second: three missed are a silence. */

@@ -123,6 +123,23 @@ export const TROUBLES = [
     cure: ['Add the UDP server endpoint in BlueOS as Settings, MAVLink shows, then wait a few seconds.'],
   },
   {
+    title: 'The acoustic array hears nothing, or its pulses are refused',
+    faults: [
+      'acoustics_silent',
+      'acoustics_refused',
+      'acoustics_receiver',
+      'acoustics_direction_only',
+      'acoustics_two',
+      'acoustics_settings',
+    ],
+    cure: [
+      'Nothing heard: the transmitter must be on, in the water and within some 200 m; the board sends by the serial link or to acoustics.udp_port.',
+      'One receiver marked on the Acoustics card: check its cable and plug; the others go on as long as three remain.',
+      'Refused because receivers seem exchanged: compare their plugs with acoustics.places_m. Two transmitters: switch one off.',
+      'Direction only: enter acoustics.beacon and acoustics.beacon_depth_m, and zero the depth sensor at the surface.',
+    ],
+  },
+  {
     title: 'This page cannot reach the extension',
     faults: ['page', 'stream'],
     cure: [

@@ -9,14 +9,14 @@ import { STATE_WORDS, asState, showState, stateIcon } from './status_icons.js';
 /**
  * @typedef {import('./status_icons.js').State} State
  * @typedef {{id: string, label: string, state: string, text?: string | null, cause?: string | null,
- *   cure?: string | null, age_s?: number | null, parts?: Array<[string, string]>}} ChipData  parts: of a chip that
- *   stands for several
+ *   cure?: string | null, age_s?: number | null, parts?: Array<[string, string]>}} ChipData  parts: what else is
+ *   known, or what a chip stands for
  * @typedef {{item: HTMLLIElement, button: HTMLButtonElement, icon: HTMLElement, label: HTMLElement,
  *   text: HTMLElement, data: ChipData}} ChipView
  */
 
 /** For a phone, where a name of ten letters has no room. @type {Record<string, string>} */
-const SHORT = { navigation: 'Nav' };
+const SHORT = { navigation: 'Nav', acoustics: 'Sound' };
 
 /**
  * What is shown before, or without, any word from the services.
@@ -38,7 +38,20 @@ export function detailLines(chip) {
   if (chip.cause) lines.push(['Cause', chip.cause]);
   if (chip.cure) lines.push(['Cure', chip.cure]);
   if (isKnown(chip.age_s)) lines.push(['Last data', `${age(chip.age_s)} ago`]);
-  return lines.concat(chip.parts ?? []);
+  return lines.concat((chip.parts ?? []).map(([term, value]) => [term, inShownUnits(value)]));
+}
+
+/**
+ * What shows while the pointer rests on a chip: its whole text, which may be cut off, and what is behind it. No ages: a
+ * hint that changes is shown anew each time.
+ * @param {ChipData} chip
+ */
+export function hintOf(chip) {
+  const lines = detailLines({ ...chip, age_s: null });
+  return [
+    `${chip.label}: ${lines[0][1]}`,
+    ...lines.slice(1).map(([term, value]) => `${term}: ${value}`),
+  ].join('\n');
 }
 
 export class StatusStrip {
@@ -80,6 +93,7 @@ export class StatusStrip {
       showState(view.icon, state);
       setText(view.label, chip.label);
       setText(view.text, text);
+      setAttribute(view.button, 'title', hintOf(chip));
       setAttribute(view.button, 'aria-label', `${chip.label}: ${STATE_WORDS[state]}. ${text}`);
     }
     if (this.openId) this.fillDetail();

@@ -28,7 +28,7 @@ import { TROUBLES, isRelated } from '../dashboard/troubleshooting.js';
 import { honestScale } from '../dashboard/uplot.js';
 import { inShownUnits, setUnits, shownUnit, shownValue } from '../shared/display.js';
 import { asState } from '../shared/status_icons.js';
-import { detailLines } from '../shared/status_strip.js';
+import { detailLines, hintOf } from '../shared/status_strip.js';
 import { choosePreference } from '../shared/theme.js';
 
 afterEach(() => setUnits('metric'));
@@ -128,6 +128,20 @@ test('an opened chip always says something', () => {
     ],
   );
   assert.equal(asState('__proto__'), 'unknown');
+});
+
+test('the hint of a chip holds its whole text and what is behind it, and no age that would change it', () => {
+  const chip = { id: 'x', label: 'Acoustics', state: 'ok', text: 'Fix within 3.0 m', age_s: 0.4 };
+  /** @type {Array<[string, string]>} */
+  const parts = [['Distance', '20.0 m, within 2.0 m (95 %)']];
+  assert.equal(
+    hintOf({ ...chip, parts }),
+    'Acoustics: Fix within 3.0 m\nDistance: 20.0 m, within 2.0 m (95 %)',
+  );
+  assert.equal(hintOf({ ...chip, cause: 'c', cure: 'd' }), 'Acoustics: Fix within 3.0 m\nCause: c\nCure: d');
+  setUnits('imperial');
+  assert.match(hintOf({ ...chip, parts }), /65\.6 ft, within 6\.6 ft/);
+  setUnits('metric');
 });
 
 test('settings turn into inputs of their kind', () => {

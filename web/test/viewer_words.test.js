@@ -47,6 +47,7 @@ const FACTS = {
       { id: 'recorder', label: 'Recorder', state: 'ok', text: 'Recording' },
       { id: 'mavlink', label: 'MAVLink', state: 'ok', text: 'Sending' },
       { id: 'navigation', label: 'Navigation', state: 'ok', text: 'Known within 2.1 m' },
+      { id: 'acoustics', label: 'Acoustics', state: 'ok', text: 'Fix within 2.1 m' },
     ],
     channels: {
       A: { alive: true, pings: 100, incomplete: 0 },

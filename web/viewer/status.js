@@ -28,6 +28,7 @@ const FROM_EXTENSION = /** @type {Array<[string, string]>} */ ([
   ['recorder', 'Recorder'],
   ['mavlink', 'MAVLink'],
   ['navigation', 'Navigation'],
+  ['acoustics', 'Acoustics'],
 ]);
 const WORST_FIRST = ['fault', 'warn', 'unknown', 'off', 'ok'];
 

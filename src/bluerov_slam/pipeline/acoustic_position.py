@@ -112,7 +112,6 @@ class Placed:
     position_deg: tuple[float, float] | None = None
     covariance_ned_m2: Array | None = None
     reason: str = ""
-    residuals_s: Array | None = None
 
 
 def solve_direction(differences: TimeDifferences, options: AcousticOptions, sound_speed_mps: float) -> AcousticSolution:
@@ -130,7 +129,7 @@ def solve_direction(differences: TimeDifferences, options: AcousticOptions, soun
 
 
 def direction_of(solution: AcousticSolution, options: AcousticOptions) -> Direction:
-    """The direction of a solution in the array's frame."""
+    """The direction of a solution in the array's frame, as unsure as one pulse's is however good its timing."""
     rotation = options.mounting.rotation_frd_array
     x, y, z = (rotation @ solution.direction).tolist()
     across = math.hypot(x, y)
@@ -138,7 +137,9 @@ def direction_of(solution: AcousticSolution, options: AcousticOptions) -> Direct
     if across > 1e-9:
         jacobian[0] = (-y / across**2, x / across**2, 0.0)
         jacobian[1] = (-x * z / across, -y * z / across, across)
-    covariance = rotation @ solution.direction_covariance @ rotation.T
+    across_it = np.eye(3) - np.outer(solution.direction, solution.direction)
+    whole = solution.direction_covariance + options.direction_std_rad**2 * across_it
+    covariance = rotation @ whole @ rotation.T
     return Direction(math.atan2(y, x), math.atan2(z, across), jacobian @ covariance @ jacobian.T)
 
 
@@ -156,9 +157,10 @@ def place(
     rotation = pose.rotation_ned_frd @ options.mounting.rotation_frd_array
     receivers = options.array.subset(differences.receivers.tolist()) @ rotation.T
     direction = rotation @ solution.direction
-    # An error of the attitude acts on the delays like an error of the measurement.
+    # An error of the attitude, and what turns one pulse's direction, act on the delays like errors of measurement.
     by_turn = np.cross(receivers[1:] - receivers[0], direction) / sound_speed_mps
-    covariance = differences.covariance_s2 + by_turn @ pose.rotation_covariance @ by_turn.T
+    turned = pose.rotation_covariance + options.direction_std_rad**2 * np.eye(3)
+    covariance = differences.covariance_s2 + by_turn @ turned @ by_turn.T
     depth = _depth_below(pose, beacon, options)
     found = solve_source(
         receivers,
@@ -175,14 +177,14 @@ def place(
     ahead = found.position_m / range_m
     range_std_m = math.sqrt(float(ahead @ found.covariance_m2 @ ahead))
     if beacon is None:
-        return Placed(range_m, range_std_m, reason=NO_BEACON, residuals_s=found.residuals_s)
+        return Placed(range_m, range_std_m, reason=NO_BEACON)
     north_m, east_m, _ = -found.position_m - pose.rotation_ned_frd @ options.mounting.lever_arm_frd_m
     latitude_deg, longitude_deg, _ = LocalFrame(beacon.latitude_deg, beacon.longitude_deg).to_geodetic(
         float(north_m), float(east_m)
     )
     own = np.diag((beacon.std_m**2, beacon.std_m**2, 0.0))
     covariance = found.covariance_m2 + own
-    return Placed(range_m, range_std_m, (latitude_deg, longitude_deg), covariance, residuals_s=found.residuals_s)
+    return Placed(range_m, range_std_m, (latitude_deg, longitude_deg), covariance)
 
 
 def expected_of(pose: Pose, beacon: Beacon | None, options: AcousticOptions) -> Expected | None:

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT, WRONG_TEXT
+from bluerov_slam.protocol.navigation_json import error_ellipse
 
 if TYPE_CHECKING:
     from bluerov_slam.records import AcousticFix
@@ -18,6 +21,7 @@ REMEMBERED_S: Final = 15.0
 REMEMBERED: Final = 40
 # What one pulse says may be chance; most of the last ones are not.
 RECENT: Final = 5
+MOST_ON_CHIP: Final = 40
 
 
 class AcousticState(StrEnum):
@@ -32,23 +36,32 @@ class AcousticState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class AcousticWords:
-    """A sentence, and what to do; `cure` is empty where nothing is wrong."""
+    """A sentence, and what to do; `cure` is empty where nothing is wrong.
+
+    `brief`: the same on a chip. `kind`: stays as long as the matter does, whatever the figures in the sentence.
+    """
 
     state: AcousticState
     text: str
-    cure: str = ""
+    cure: str
+    brief: str
+    kind: str
 
 
-NOT_FITTED: Final = AcousticWords(AcousticState.OFF, "No acoustic array is fitted")
+NOT_FITTED: Final = AcousticWords(AcousticState.OFF, "No acoustic array is fitted", "", "No array", "off")
 NOT_DESCRIBED: Final = AcousticWords(
     AcousticState.WARN,
     "An acoustic board sends, but no array is described",
     "Enter the array under Settings, acoustics, and switch acoustics.enabled on.",
+    "Array not described",
+    "settings",
 )
 NAVIGATION_OFF: Final = AcousticWords(
     AcousticState.FAULT,
     "Acoustic positioning needs navigation, which is off",
     "Switch navigation.enabled on under Settings.",
+    "Needs navigation",
+    "settings",
 )
 _CHECKS: Final = (
     "Check that the transmitter is on, in the water and within range, and that the board is connected and sends to "
@@ -71,34 +84,58 @@ class AcousticWatch:
     def words(self, now_s: float) -> AcousticWords:
         """The sentence for this moment."""
         if not self._fixes:
-            return AcousticWords(AcousticState.WAITING, "No pulse was heard yet", _CHECKS)
+            return AcousticWords(
+                AcousticState.WAITING, "No pulse was heard yet", _CHECKS, "No pulse heard yet", "waiting"
+            )
         newest = self._fixes[-1]
         silent_s = now_s - newest.arrived_s
         if silent_s > NO_PULSES_S:
-            return AcousticWords(AcousticState.FAULT, f"No pulses for {_duration(silent_s)}", _CHECKS)
+            text = f"No pulses for {_duration(silent_s)}"
+            return AcousticWords(AcousticState.FAULT, text, _CHECKS, text, "silent")
         others = sum(fix.reason == OTHER_TEXT for fix in self._fixes)
         recent = [fix for fix in self._fixes if fix.reason != OTHER_TEXT][-RECENT:]
         bad = [fix for fix in recent if not fix.accepted]
         if len(bad) > len(recent) // 2:
-            return AcousticWords(AcousticState.FAULT, *_rejected(bad[-1]))
+            return _refused(bad[-1])
         if others >= RECENT - 1:
             return AcousticWords(
                 AcousticState.WARN,
                 "Two transmitters are heard; the one where ours should be is used",
                 "Switch the other one off, or move away from it.",
+                "Two transmitters, ours is used",
+                "two",
             )
         if (faulty := _faulty_receiver(recent)) is not None:
-            return AcousticWords(AcousticState.WARN, *faulty)
-        if newest.range_m is None and newest.reason:
-            return AcousticWords(AcousticState.WARN, *_direction_only(newest.reason))
+            return faulty
+        good = [fix for fix in recent if fix.accepted]
+        alone = [fix for fix in good if fix.range_m is None and fix.reason]
+        if len(alone) > len(good) // 2:
+            return _direction_only(alone[-1].reason)
+        brief = _fix_within(recent)
         if bad:
-            return AcousticWords(AcousticState.OK, f"Heard; {len(bad)} of the last {len(recent)} pulses were left out")
-        if newest.position_deg is None:
-            return AcousticWords(AcousticState.OK, "Heard; direction and range are known")
-        return AcousticWords(AcousticState.OK, "Heard; the position rests on its direction and the depth")
+            text = f"Heard; {len(bad)} of the last {len(recent)} pulses were left out"
+        elif good and good[-1].position_deg is None:
+            text = "Heard; direction and range are known"
+        else:
+            text = "Heard; the position rests on its direction and the depth"
+        return AcousticWords(AcousticState.OK, text, "", brief, "ok")
 
 
-def _faulty_receiver(recent: list[AcousticFix]) -> tuple[str, str] | None:
+def within_m(fix: AcousticFix) -> float | None:
+    """How far off the fix may be with 95 %, along the longer axis of its ellipse."""
+    if fix.position_deg is None or fix.covariance_ned_m2 is None:
+        return None
+    ellipse = error_ellipse(np.array(fix.covariance_ned_m2))
+    return None if ellipse is None else ellipse.major_m
+
+
+def _fix_within(recent: list[AcousticFix]) -> str:
+    newest = next((fix for fix in reversed(recent) if fix.accepted), None)
+    metres = None if newest is None else within_m(newest)
+    return "Direction and range" if metres is None else f"Fix within {metres:.1f} m"
+
+
+def _faulty_receiver(recent: list[AcousticFix]) -> AcousticWords | None:
     """The receiver that most of the last pulses left out."""
     counts: dict[int, int] = {}
     reasons: dict[int, str] = {}
@@ -110,45 +147,92 @@ def _faulty_receiver(recent: list[AcousticFix]) -> tuple[str, str] | None:
     if worst is None or worst < 0 or counts[worst] <= len(recent) // 2:
         return None
     what, _, cure = reasons[worst].partition(": ")
-    return f"Receiver {worst}: {what}", _sentence(cure or "Check its cable and its place in the settings")
+    text = f"Receiver {worst}: {what}"
+    return AcousticWords(
+        AcousticState.WARN,
+        text,
+        _sentence(cure or "Check its cable and its place in the settings"),
+        text if len(text) <= MOST_ON_CHIP else f"Receiver {worst} is left out",
+        "receiver",
+    )
 
 
-_REJECTION_CURES: Final = (
-    (TWO_TEXT, "Switch one of them off, or dive further from it; the position is held without the sound meanwhile."),
-    (PLACES_TEXT, "Two transmitters are on, or a strong echo comes from a wall: switch one off, or move away from it."),
+# How a reason begins, the few words of it for a chip, and its cure (empty: the reason brings its own).
+_REFUSALS: Final = (
+    (
+        TWO_TEXT,
+        "two transmitters heard",
+        "Switch one of them off, or dive further from it; the position is held without the sound meanwhile.",
+    ),
+    (
+        PLACES_TEXT,
+        "direction jumps",
+        "Two transmitters are on, or a strong echo comes from a wall: switch one off, or move away from it.",
+    ),
     (
         WRONG_TEXT,
+        "not from the beacon's place",
         "Another transmitter is heard, or a setting is wrong: its place, the array's mounting, the receivers' order.",
     ),
-    ("no receiver heard", "Come nearer, or check the transmitter and its battery."),
-    ("only ", "See which receivers are marked below and check their cables."),
+    ("no receiver heard", "nothing heard", "Come nearer, or check the transmitter and its battery."),
+    ("only ", "too few receivers hear", "See which receivers are marked below and check their cables."),
     (
         "a receiver may be wrong",
+        "timing ambiguous",
         "Wait for the next pulse; if it stays so, check the receivers' places and their match.",
     ),
     (
         "delay",
+        "delays too long for the array",
         "Check acoustics.arm_m and the order of the receivers; switch other sound sources of this frequency off.",
     ),
-    ("the delays do not fit", "Two transmitters, an echo, or receivers in another order than in the settings."),
-    ("the receivers lie on a line", "Place one receiver beside the line of the others."),
+    (
+        "the delays do not fit",
+        "delays fit no direction",
+        "Two transmitters, an echo, or receivers in another order than in the settings.",
+    ),
+    ("the receivers lie on a line", "receivers lie on a line", "Place one receiver beside the line of the others."),
+    ("receivers ", "receivers seem exchanged", ""),
+    ("the board sends", "other number of receivers", ""),
+    ("a sample rate", "wrong sample rate", "Set the sample rate of the board that its records state."),
+    ("the carrier comes out", "wrong sample rate", "Set the sample rate of the board that its records state."),
+    (
+        "the record lasts",
+        "record too short",
+        "Have the board record a whole pulse: one bit of it, better two, at its sample rate.",
+    ),
 )
+_NO_OWN_CURE: Final = "Wait for the next pulses; if it stays so, check the array's settings and its cables."
 
 
-def _rejected(fix: AcousticFix) -> tuple[str, str]:
-    cure = next((cure for start, cure in _REJECTION_CURES if fix.reason.startswith(start)), "")
+def _refused(fix: AcousticFix) -> AcousticWords:
     what, _, rest = fix.reason.partition("; ")
-    return _capital(what), cure or _sentence(rest)
+    brief, cure = next(((brief, cure) for start, brief, cure in _REFUSALS if fix.reason.startswith(start)), ("", ""))
+    return AcousticWords(
+        AcousticState.FAULT,
+        _capital(what) or "The pulses cannot be used",
+        cure or _sentence(rest) or _NO_OWN_CURE,
+        f"Refused: {brief}" if brief else "Pulses refused",
+        "refused",
+    )
 
 
-def _direction_only(reason: str) -> tuple[str, str]:
+def _direction_only(reason: str) -> AcousticWords:
     what = reason.removeprefix("no position: ")
     what, _, cure = what.partition("; ")
     if not cure and "contradicts the angles" in what:
         cure = "check acoustics.beacon_depth_m, the surface's zero and the array's mounting"
+    elif not cure and "attitude" in what:
+        cure = "wait until navigation knows the attitude; the Navigation tab says what it waits for"
     elif not cure and "elevation" in what:
         cure = "it can be told where transmitter and vehicle differ more in depth, or with a fifth receiver"
-    return f"Direction only: {what}", _sentence(cure)
+    return AcousticWords(
+        AcousticState.WARN,
+        f"Direction only: {what}",
+        _sentence(cure) or _NO_OWN_CURE,
+        "Direction only: depth contradicts" if "contradicts the angles" in what else "Direction only",
+        "direction_only",
+    )
 
 
 def _sentence(text: str) -> str:

@@ -309,7 +309,6 @@ class AcousticPipeline:
             fix,
             accepted=True,
             reason=placed.reason,
-            residuals_s=fix.residuals_s if placed.residuals_s is None else tuple(placed.residuals_s.tolist()),
             range_m=placed.range_m,
             range_std_m=placed.range_std_m,
             position_deg=placed.position_deg,

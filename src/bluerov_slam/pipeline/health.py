@@ -9,9 +9,11 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from bluerov_slam.pipeline.health_acoustics import check_acoustics
 from bluerov_slam.pipeline.health_link import check_link, check_mavlink, check_recorder, system_faults
 from bluerov_slam.pipeline.health_memory import HealthMemory
 from bluerov_slam.pipeline.health_model import (
+    AcousticFacts,
     Chip,
     ChipState,
     Fault,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from bluerov_slam.records import Record
 
 __all__ = [
+    "AcousticFacts",
     "Chip",
     "ChipState",
     "Fault",
@@ -64,6 +67,7 @@ _CHECKS: tuple[tuple[str, str, Callable[[float, HealthMemory, HealthFacts], Find
     ("recorder", "Recorder", check_recorder),
     ("mavlink", "MAVLink", check_mavlink),
     ("navigation", "Navigation", check_navigation),
+    ("acoustics", "Acoustics", check_acoustics),
 )
 _WORST_FIRST = tuple(FaultLevel)
 
@@ -96,4 +100,4 @@ class HealthMonitor:
 
 def _chip(chip_id: str, label: str, finding: Finding) -> Chip:
     cause, cure = ("", "") if finding.fault is None else (finding.fault.cause, finding.fault.cure)
-    return Chip(chip_id, label, finding.state, finding.text, cause, cure, finding.age_s)
+    return Chip(chip_id, label, finding.state, finding.text, cause, cure, finding.age_s, finding.parts)

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from bluerov_slam.pipeline.acoustic_watch import AcousticWords
     from bluerov_slam.pipeline.link_counters import LinkDecoderCounters
     from bluerov_slam.records import NavMode, SensorTrust
 
@@ -40,6 +41,7 @@ class Chip:
     cause: str = ""
     cure: str = ""
     age_s: float | None = None
+    parts: tuple[tuple[str, str], ...] = ()  # what else is known, as names and words
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,15 @@ class NavigationFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class AcousticFacts:
+    """The acoustic array: what the pilot is told of it, the newest pulse's age, what else is known of it."""
+
+    words: AcousticWords
+    age_s: float | None = None
+    parts: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class HealthFacts:
     """Everything `HealthMonitor.assess` needs besides the records it has seen."""
 
@@ -155,6 +166,7 @@ class HealthFacts:
     wall_trusted: bool | None = None
     extension_version: str = ""
     navigation: NavigationFacts | None = None
+    acoustics: AcousticFacts | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +185,7 @@ class Finding:
     text: str
     fault: Fault | None = None
     age_s: float | None = None
+    parts: tuple[tuple[str, str], ...] = ()
 
 
 def wrong(

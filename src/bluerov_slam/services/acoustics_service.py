@@ -20,13 +20,13 @@ from bluerov_slam.pipeline.acoustic_watch import (
     AcousticWatch,
     AcousticWords,
 )
+from bluerov_slam.pipeline.health_acoustics import acoustic_parts
+from bluerov_slam.pipeline.health_model import AcousticFacts
 from bluerov_slam.protocol.acoustic_json import fix_json
 from bluerov_slam.records import (
     AcousticFix,
     AcousticMessage,
     AcousticRecord,
-    Event,
-    EventLevel,
     NavState,
     TimeDifferenceReading,
 )
@@ -38,11 +38,10 @@ from bluerov_slam.sinks.websocket import Broadcaster
 TOPIC: Final = "acoustics"
 # After so long without any frame nobody need be told that an array could be described.
 FORGOTTEN_S: Final = 60.0
-# A sentence is an event once it has stood for so long; what flickers is not told.
+# A sentence is on the chip, and its fault is told, once it has stood for so long: what flickers is not.
 TOLD_AFTER_S: Final = 3.0
 _FIRST_PRINTABLE: Final = 0x20
 _LAST_PRINTABLE: Final = 0x7E
-_LEVELS: Final = {AcousticState.WARN: EventLevel.WARNING, AcousticState.FAULT: EventLevel.ERROR}
 
 
 class AcousticsService:
@@ -72,8 +71,8 @@ class AcousticsService:
         self._heard_s = -math.inf
         self._origin_deg: tuple[float, float] | None = None
         self._counts = {"pings": 0, "rejected": 0, "held_back": 0, "missing_samples": 0}
-        self._told: AcousticWords | None = None
-        self._since: tuple[AcousticWords, float] | None = None
+        self._settled: AcousticWords | None = None
+        self._since: tuple[tuple[AcousticState, str], float] | None = None
         hub.subscribe(self._on_fix, AcousticFix, name="acoustics")
         hub.subscribe(self._on_reading, TimeDifferenceReading, name="acoustics")
         hub.subscribe(self._on_record, AcousticRecord, name="acoustics")
@@ -83,13 +82,13 @@ class AcousticsService:
     def apply_settings(self) -> None:
         """Another array, another place: what was concluded from the old one says nothing."""
         self._watch = AcousticWatch()
-        self._fix = None
+        self._fix = self._settled = self._since = None
         self.publish()
 
     def tick(self) -> None:
-        """Once a second: ages, and what is wrong for longer than a moment."""
+        """Once a second: ages, and what has stood for longer than a moment."""
         self.input.tick()
-        self._tell(self._now_s())
+        self._settle(self._now_s())
         self.publish()
 
     def publish(self) -> None:
@@ -160,6 +159,15 @@ class AcousticsService:
             return NAVIGATION_OFF
         return self._watch.words(now_s)
 
+    def facts(self) -> AcousticFacts:
+        """For the chip and the faults."""
+        now_s, fix = self._now_s(), self._fix
+        return AcousticFacts(
+            self._settle(now_s),
+            None if fix is None else max(0.0, now_s - fix.arrived_s),
+            acoustic_parts(fix, self._counts["pings"], self._counts["rejected"]),
+        )
+
     def counters(self) -> dict[str, float]:
         """For Prometheus: what only grows."""
         return {
@@ -201,19 +209,16 @@ class AcousticsService:
         north_m, east_m, _ = LocalFrame(*self._origin_deg).to_ned_m(place["latitude_deg"], place["longitude_deg"])
         return {"north_m": round(north_m, 2), "east_m": round(east_m, 2)}
 
-    def _tell(self, now_s: float) -> None:
+    def _settle(self, now_s: float) -> AcousticWords:
+        """What the chip says: a sentence that has stood for a while, with the figures of now."""
         words = self.words(now_s)
-        level = _LEVELS.get(words.state)
-        known = _kind(words)
-        if self._since is None or _kind(self._since[0]) != known:
-            self._since = (words, now_s)
-        if now_s - self._since[1] < TOLD_AFTER_S or (self._told is not None and _kind(self._told) == known):
-            return
-        before, self._told = self._told, words
-        if level is not None:
-            self._hub.publish(Event(now_s, level, f"acoustics: {words.text}. {words.cure}".strip()))
-        elif words.state is AcousticState.OK and before is not None and before.state in _LEVELS:
-            self._hub.publish(Event(now_s, EventLevel.INFO, f"acoustics: {words.text}"))
+        key = (words.state, words.kind)
+        if self._since is None or self._since[0] != key:
+            self._since = (key, now_s)
+        settled = self._settled
+        if settled is None or (settled.state, settled.kind) == key or now_s - self._since[1] >= TOLD_AFTER_S:
+            self._settled = settled = words
+        return settled
 
 
 def _message_json(message: AcousticMessage, now_s: float) -> dict[str, Any]:
@@ -238,8 +243,3 @@ def _message_json(message: AcousticMessage, now_s: float) -> dict[str, Any]:
         "corrected_errors": message.corrected_errors,
         "bytes": said.hex(),
     }
-
-
-def _kind(words: AcousticWords) -> tuple[str, str]:
-    """The sentence without its numbers: that a silence grows is no news."""
-    return words.state.value, "".join(letter for letter in words.text if not letter.isdigit())

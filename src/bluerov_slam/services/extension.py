@@ -365,6 +365,7 @@ class Extension:
             forwarding=lambda: self.udp.counters,
             clients=lambda: self.topics.clients + self.bare.clients,
             navigation=self.navigation.facts,
+            acoustics=self.acoustics.facts,
         )
         return StatusReport(
             self.hub,

@@ -11,6 +11,7 @@ import orjson
 from bluerov_slam import __version__
 from bluerov_slam.clock import WallClock
 from bluerov_slam.pipeline.health import (
+    AcousticFacts,
     Health,
     HealthFacts,
     HealthMonitor,
@@ -53,6 +54,7 @@ class StatusSources:
     forwarding: Callable[[], Sequence[ForwardingCounters]]
     clients: Callable[[], int]
     navigation: Callable[[], NavigationFacts | None] = lambda: None
+    acoustics: Callable[[], AcousticFacts | None] = lambda: None
 
 
 class StatusReport:
@@ -153,6 +155,7 @@ class StatusReport:
             wall_trusted=self._wall.is_trusted(),
             extension_version=__version__,
             navigation=self._sources.navigation(),
+            acoustics=self._sources.acoustics(),
         )
         return self._monitor.assess(now_s, facts)
 
