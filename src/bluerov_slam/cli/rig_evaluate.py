@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,13 +34,24 @@ THESIS_LOGS = Path("isbl_thesis") / "raw_logs.tar.gz"
 @click.option("--cases", default="", help="Some of the cases, as R1,R2; all by default.")
 @json_option
 @data_option("Real recordings for R3")
-def command(effort: float, seed: int, cases: str, json_file: Path | None, data_folder: Path) -> None:
+@click.option(
+    "--firmware",
+    "build",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder with the firmware's brov-rig and report.json, for R9 [default: firmware/build of this checkout].",
+)
+def command(
+    effort: float, seed: int, cases: str, json_file: Path | None, data_folder: Path, build: Path | None
+) -> None:
     """Run the cases R1... (docs/rig-calibration.md) and print what came out beside what must come out."""
-    from bluerov_slam.evaluation.rig_cases import RigRun
+    from bluerov_slam.evaluation.rig_cases import RigFirmware, RigRun
+    from bluerov_slam.services.rig_firmware import BUILD, firmware_angles_rad, instruction_counts
     from bluerov_slam.sources.isbl_thesis_log import read_thesis_logs
 
     warn_of_tuning_seeds(seed)
     rows: list[Row] = []
+    built = build or BUILD
+    firmware = RigFirmware(partial(firmware_angles_rad, build=built), partial(instruction_counts, build=built))
     for case in _wanted(cases):
         logs: Sequence[ThesisLog] = ()
         if case.needs_logs:
@@ -51,7 +63,7 @@ def command(effort: float, seed: int, cases: str, json_file: Path | None, data_f
                 continue
             logs = read_thesis_logs(archive).logs
         click.echo(f"{case.id} {case.title}", err=True)
-        rows += case.run(RigRun(seed, effort, logs))
+        rows += case.run(RigRun(seed, effort, logs, firmware))
     tell(rows, json_file)
 
 

@@ -6,7 +6,7 @@ A case lives in a module that ends with `CASES = (RigCase(...), ...)`; naming th
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,18 +15,33 @@ from bluerov_slam.evaluation.statistics import Interval
 
 if TYPE_CHECKING:
     from bluerov_slam.acoustics.thesis_log import ThesisLog
+    from bluerov_slam.rig.dimensions import Floats
 
-MODULES = ("rig_kinematics_cases", "rig_calibration_cases", "rig_motion_cases")
+MODULES = ("rig_kinematics_cases", "rig_calibration_cases", "rig_motion_cases", "rig_firmware_cases")
 """Modules of this package, in the order of the table."""
 
 
 @dataclass(frozen=True, slots=True)
+class RigFirmware:
+    """How a case reaches the rig's firmware, which this pure package cannot start; both raise LinkError with the cure.
+
+    Attributes:
+        angles_rad: What it makes of set points (n, 4, 6), (n, 4, 6); NaN where it refuses them.
+        counts: What was counted when it ran under QEMU, by the ids of its report.
+    """
+
+    angles_rad: Callable[[Floats], Floats]
+    counts: Callable[[], Mapping[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
 class RigRun:
-    """What a case may use: how much is drawn, by which seed, and the thesis's logs where it needs them."""
+    """What a case may use: how much is drawn, by which seed, the thesis's logs and the rig's firmware where needed."""
 
     seed: int = 1000
     effort: float = 1.0
     logs: Sequence[ThesisLog] = ()
+    firmware: RigFirmware | None = None
 
     def count(self, full: int, least: int = 1) -> int:
         """How many draws of a case that takes `full` at the effort of 1."""
