@@ -11,6 +11,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from bluerov_slam.cli.rig_real import announced, move_option, port_option
 from bluerov_slam.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -43,11 +44,11 @@ TESTS = 9
     "--fault", "faults", multiple=True, help="Simulation: 'stuck PLATFORM SERVO' or 'offset PLATFORM SERVO DEG'."
 )
 @click.option("--jobs", default=0, type=click.IntRange(0), help="Simulation: processes; 0: one for each processor.")
-@click.option("--port", type=click.Path(path_type=Path), help="A real rig's serial port (its firmware's link).")
+@port_option
 @click.option(
     "--receiver-port", type=click.Path(path_type=Path), help="A real rig: the serial port of the acoustic receiver."
 )
-@click.option("--move-for-real", is_flag=True, help="Let a real rig move. Without it only what would move is said.")
+@move_option
 def command(
     folder: Path,
     tests: str,
@@ -71,7 +72,7 @@ def command(
         raise ConfigError("--receiver-port and --move-for-real are for a real rig: give its --port, too")
     if port is not None and faults:
         raise ConfigError("--fault is for a simulated rig")
-    if port is not None and not _announced([session for _, session in sessions], move_for_real):
+    if port is not None and not announced(_what_moves(sessions), move_for_real):
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -87,16 +88,10 @@ def command(
         _real(folder, sessions, port, receiver_port)
 
 
-def _announced(sessions: list[Session], move_for_real: bool) -> bool:
-    """Says what will move; whether it may."""
+def _what_moves(sessions: list[tuple[int, Session]]) -> list[str]:
     from bluerov_slam.services.rig import what_moves
 
-    click.echo("The rig will move like this:" if move_for_real else "Nothing moves yet. With --move-for-real:")
-    for line in what_moves(sessions):
-        click.echo(f"  {line}")
-    if move_for_real:
-        click.echo("Keep clear of it. Its button stops it and sends it home; Ctrl-C stops it where it is.")
-    return move_for_real
+    return what_moves([session for _, session in sessions])
 
 
 def _sessions(

@@ -1,4 +1,4 @@
-"""`bluerov-slam rig demo`: the thesis's demonstrations as set points in time."""
+"""`bluerov-slam rig demo`: the thesis's demonstrations as set points in time, or on a real rig."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from bluerov_slam.cli.rig_numbers import pose_words, show_set_points, write_set_points
-from bluerov_slam.errors import ConfigError
+from bluerov_slam.cli.rig_real import announced, move_option, port_option
+from bluerov_slam.errors import CommandError, ConfigError
+
+Floats = NDArray[np.float64]
 
 DEMOS = ("axis-limits", "inverted-pairs", "circle", "tracking")
+TABLE_STEP_S = 0.02
+CAREFUL = 0.2
+"""Of the servos' speed, on a real rig: the whole speed would throw a metre of stack round its circle in 1.5 s."""
 
 
 @click.command(name="demo", short_help="The thesis's demonstrations.")
@@ -19,15 +26,34 @@ DEMOS = ("axis-limits", "inverted-pairs", "circle", "tracking")
 @click.option("--turns", default=1, show_default=True, type=click.IntRange(1, 100), help="Of the circle.")
 @click.option("--transmitter", metavar="X,Y,Z", help="For tracking: its place in the rig's frame, mm.")
 @click.option("--csv", "csv_file", type=click.Path(dir_okay=False, path_type=Path), help="Set points in time.")
-def command(name: str, radius_deg: float, turns: int, transmitter: str | None, csv_file: Path | None) -> None:
-    """Set points of a demonstration, smoothly timed for the servos; nothing moves."""
+@click.option(
+    "--speed",
+    "share",
+    type=click.FloatRange(0.02, 1.0),
+    help=f"Share of the servos' speed [default: 1, {CAREFUL:g} with --port].",
+)
+@port_option
+@move_option
+def command(
+    name: str,
+    radius_deg: float,
+    turns: int,
+    transmitter: str | None,
+    csv_file: Path | None,
+    share: float | None,
+    port: Path | None,
+    move_for_real: bool,
+) -> None:
+    """Set points of a demonstration, smoothly timed for the servos; only a rig at --port moves."""
     from bluerov_slam.rig import demo
     from bluerov_slam.rig.dimensions import FO_SHIP
     from bluerov_slam.rig.stack import stack_pose
-    from bluerov_slam.rig.trajectory import smooth_path
+    from bluerov_slam.rig.trajectory import STEP_S, smooth_path
 
     if (transmitter is not None) != (name == "tracking"):
         raise ConfigError("--transmitter goes with tracking, which needs it")
+    if move_for_real and port is None:
+        raise ConfigError("--move-for-real is for a real rig: give its --port, too")
     if name == "axis-limits":
         waypoints = demo.axis_limits()
     elif name == "inverted-pairs":
@@ -36,19 +62,44 @@ def command(name: str, radius_deg: float, turns: int, transmitter: str | None, c
         waypoints = demo.circle(float(np.radians(radius_deg)), turns=turns)
     else:
         waypoints = _tracking(str(transmitter))
-    way = smooth_path(waypoints, FO_SHIP)
+    if share is None:
+        share = 1.0 if port is None else CAREFUL
+    # Calculated at the servos' whole speed and played slower: the path stays the same, forces fall with the square.
+    way = smooth_path(waypoints, FO_SHIP, step_s=share * (TABLE_STEP_S if port is None else STEP_S))
+    times_s = way.times_s / share
     places = stack_pose(way.set_points, FO_SHIP).position_mm
     spans = ", ".join(
         f"{axis} {low:.1f} to {high:.1f}"
         for axis, low, high in zip("xyz", places.min(axis=0), places.max(axis=0), strict=True)
     )
-    click.echo(f"{name}: {len(waypoints)} set points, {way.duration_s:.1f} s; the tool goes through {spans} mm")
+    what = f"{name}: {len(waypoints)} set points, {times_s[-1]:.1f} s; the tool goes through {spans} mm"
+    if port is None:
+        click.echo(what)
     if csv_file is not None:
-        write_set_points(csv_file, way.times_s, way.set_points)
+        write_set_points(csv_file, times_s, way.set_points)
         click.echo(f"Set points in time: {csv_file}")
+    if port is not None and announced([what], move_for_real):
+        _move(port, way.set_points, waypoints)
 
 
-def _tracking(transmitter: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _move(port: Path, set_points: Floats, waypoints: Floats) -> None:
+    """On a real rig."""
+    from bluerov_slam.services.rig import AT_HOME, connected_alone
+    from bluerov_slam.services.rig_way import run_way
+
+    try:
+        with connected_alone(port, click.echo) as rig:
+            reason = run_way(rig, set_points, waypoints)
+    except KeyboardInterrupt:
+        click.echo("Stopped by Ctrl-C: the rig holds where it is. Its button sends it home", err=True)
+        raise SystemExit(130) from None
+    if reason:
+        raise CommandError(f"the demonstration ended early: {reason}")
+    home = bool(np.all(np.abs(set_points[-1]) <= AT_HOME))
+    click.echo("Done: the rig is at home" if home else "Done: the rig stays there. Its button sends it home")
+
+
+def _tracking(transmitter: str) -> Floats:
     """From home to where the array looks at the transmitter."""
     from bluerov_slam.cli.isbl_simulate import three_numbers
     from bluerov_slam.rig.demo import track_transmitter

@@ -63,6 +63,8 @@ PLATFORMS = 4
 QUIET_S = 0.1
 """A reply has no end: it is whole when nothing more comes for so long, a hundred characters at 9600 baud."""
 MOVE_GRACE_S = 3.0
+FOLLOW_S = 0.01
+"""Between two questions where the answer must not come a step late."""
 PAUSE_LIMIT_S = 3600.0
 AT_HOME = 1e-3
 """Set points (mm, rad) nearer to home than this are home."""
@@ -119,6 +121,13 @@ class RigLink:
             raise LinkError(f"the rig at {self._line.path} does not answer")
         return answer
 
+    def begin(self, set_points: Floats, steps: int) -> RigAck:
+        """Set out for set points (4, 6) in steps of 50 ms, from where the rig is; whether it does. Raises LinkError."""
+        answer = self._command(lambda sequence: encode_move(sequence, set_points, steps))
+        if not isinstance(answer, RigAck):
+            raise LinkError(f"the rig at {self._line.path} does not answer")
+        return answer
+
     def stop(self) -> None:
         """Hold the step that is set now; whether the rig hears it or not."""
         with contextlib.suppress(LinkError):
@@ -145,6 +154,19 @@ class RigLink:
             self._listen(POLL_S)
         self.stop()
         return None
+
+    def follow(self, left: int, seen: Callable[[RigState], None]) -> RigState:
+        """Asks where the rig is until it moves no more or has at most so many steps left. Raises LinkError."""
+        state = self.where()
+        seen(state)
+        until = self._now() + max(0, state.steps - state.steps_done) * STEP_S + MOVE_GRACE_S
+        while state.mode == RigMode.MOVING and state.steps - state.steps_done > left:
+            if self._now() > until:
+                raise LinkError(f"the rig at {self._line.path} says that it moves, but comes no further")
+            self._listen(FOLLOW_S)
+            state = self.where()
+            seen(state)
+        return state
 
     def _command(self, encode: Callable[[int], bytes]) -> RigAck | RigState | object | None:
         """One command, at most three times; None without an answer."""
@@ -213,10 +235,7 @@ class RealRig:
 
     def ready(self) -> None:
         """Waits until the rig stands at home and may move. Raises LinkError."""
-        self._until_ready()
-        state = self._rig.where()
-        if not np.all(np.abs(state.set_points) <= AT_HOME):  # NaN is nowhere
-            raise LinkError("the rig is not at home: press its button, which sends it there, and start again")
+        wait_at_home(self._rig, self._say)
 
     def run(self, collection: Collection, kept: Callable[[Action], None]) -> str:
         """A whole collection; why it ended early, "" if it did not. However it ends, nothing moves afterwards."""
@@ -231,7 +250,7 @@ class RealRig:
                     return str(getattr(pending[-1], "reason", ""))
                 if collection.paused:
                     # The firmware went home by itself and waits for the next press.
-                    self._until_ready()
+                    wait_until_ready(self._rig, self._say)
                     event = Button()
                 if event is None:
                     raise BugError("a collection asked for nothing that brings an event")
@@ -271,21 +290,35 @@ class RealRig:
             return Moved()
         if answer.stopped_by == StopCause.BUTTON:
             return Button()
-        return Refused(f"it stopped on the way: {StopCause(answer.stopped_by).name.lower().replace('_', ' ')}")
+        return Refused(stopped_words(answer))
 
     def _paused(self) -> bool:
         return self._rig.where().mode in (RigMode.WAITING, RigMode.HOMING)
 
-    def _until_ready(self) -> None:
-        said = False
-        until = time.monotonic() + PAUSE_LIMIT_S
-        while (state := self._rig.where()).mode != RigMode.READY:
-            if state.mode == RigMode.WAITING and not said:
-                self._say("The rig is paused: press its button to let it move")
-                said = True
-            if time.monotonic() > until:
-                raise LinkError("the rig stayed paused for an hour")
-            time.sleep(POLL_S)
+
+def wait_until_ready(rig: RigLink, say: Callable[[str], None]) -> None:
+    """Waits until the rig may move, which its button decides. Raises LinkError."""
+    said = False
+    until = time.monotonic() + PAUSE_LIMIT_S
+    while (state := rig.where()).mode != RigMode.READY:
+        if state.mode == RigMode.WAITING and not said:
+            say("The rig is paused: press its button to let it move")
+            said = True
+        if time.monotonic() > until:
+            raise LinkError("the rig stayed paused for an hour: start again and press its button")
+        time.sleep(POLL_S)
+
+
+def wait_at_home(rig: RigLink, say: Callable[[str], None]) -> None:
+    """Waits until the rig may move, from home. Raises LinkError."""
+    wait_until_ready(rig, say)
+    if not np.all(np.abs(rig.where().set_points) <= AT_HOME):  # NaN is nowhere
+        raise LinkError("the rig is not at home: press its button, which sends it there, and start again")
+
+
+def stopped_words(state: RigState) -> str:
+    """Why a motion ended on the way."""
+    return f"it stopped on the way: {StopCause(state.stopped_by).name.lower().replace('_', ' ')}"
 
 
 def refusal(ack: RigAck) -> str:
@@ -297,6 +330,18 @@ def refusal(ack: RigAck) -> str:
     if ack.servo is not None:
         words += f", servo {ack.servo + 1}"
     return words
+
+
+@contextlib.contextmanager
+def connected_alone(port: Path, say: Callable[[str], None]) -> Iterator[RigLink]:
+    """A rig without its receiver, at home and allowed to move. Raises LinkError."""
+    line = Line(port, RIG_BAUD)
+    try:
+        rig = RigLink(line)
+        wait_at_home(rig, say)
+        yield rig
+    finally:
+        line.close()
 
 
 @contextlib.contextmanager
