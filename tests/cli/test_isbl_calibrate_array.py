@@ -61,3 +61,17 @@ def test_places_that_are_none_are_said(tmp_path: Path, text: str, what: str) -> 
     code, said = calibrate(file, "--places", places, "--thesis-skew")
     assert code != 0
     assert what in said
+
+
+def test_the_report_says_what_was_told_and_what_was_not(tmp_path: Path) -> None:
+    file, _ = simulated(tmp_path)
+    report = tmp_path / "report.html"
+    code, said = calibrate(file, "--sound-speed", 343.0, "--thesis-skew", "--report", report)
+    assert code == 0, said
+    page = report.read_text()
+    assert page.count("<svg") == 3
+    assert "Not told by these data" in page
+    assert "40.0" in page
+    again, refused = calibrate(file, "--report", report)
+    assert again != 0
+    assert "--force" in refused

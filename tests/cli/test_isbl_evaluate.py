@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,39 @@ def test_a_case_runs_and_the_logs_are_named_where_they_are_not(tmp_path: Path) -
     assert all({"id", "name", "value", "unit", "must", "aim", "met"} <= row.keys() for row in rows.values())
     assert any(name.startswith("I5") for name in rows)
     assert "[1/" in result.output
+
+
+def test_the_report_has_every_row_and_the_plots_of_every_case(tmp_path: Path) -> None:
+    out = tmp_path / "report.html"
+    cases = "I1,I4,I5,I6,I9,I20"
+    arguments = ["evaluate", "--cases", cases, "--draws", "2", "--jobs", "1", "--data", str(tmp_path)]
+    result = CliRunner().invoke(
+        command, [*arguments, "--json", str(tmp_path / "rows.json"), "--report", str(out)], catch_exceptions=False
+    )
+    assert f"Wrote {out}" in result.output
+    page = out.read_text()
+    # I1 timing and bands, I5 scatter, range and surface, one plot each of I4, I6 and I9.
+    assert page.count("<svg") == 2 + 3 + 3
+    assert all(f">{row['id']}<" in page for row in json.loads((tmp_path / "rows.json").read_text()))
+    assert "Only 2 draws" in page
+    assert "skipped" in page
+    assert 'src="http' not in page
+    assert not re.search(r">-?nan[ <]", page)
+
+
+def test_a_report_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    arguments = [
+        "evaluate",
+        "--cases",
+        "I20",
+        "--data",
+        str(tmp_path),
+        "--report",
+        str(tmp_path / "no" / "report.html"),
+    ]
+    result = CliRunner().invoke(command, arguments)
+    assert isinstance(result.exception, ConfigError)
+    assert "report.html" in str(result.exception)
 
 
 def test_every_case_has_an_id_of_the_list() -> None:

@@ -13,7 +13,7 @@ from bluerov_slam.cli.isbl import command
 from bluerov_slam.evaluation import thesis_held_out as held_out
 from bluerov_slam.evaluation import thesis_training as training
 from bluerov_slam.evaluation.thesis_halves import session_of
-from bluerov_slam.survey import thesis_parameters, thesis_study
+from bluerov_slam.survey import thesis_parameters, thesis_report, thesis_study
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +106,21 @@ def test_the_shipped_parameters_come_out_of_the_first_halves_byte_for_byte(study
         thesis_parameters.as_text(training.train([each.first for each in study.sessions]))
         == thesis_parameters.shipped_text()
     )
+
+
+@pytest.mark.long
+def test_the_reports_of_the_halves_stand_alone(study):
+    parameters = thesis_parameters.shipped_parameters()
+    rows = thesis_study.held_out_rows(study, parameters)
+    page = thesis_report.held_out_report(study, rows, parameters)
+    assert page.count("<svg") == 4
+    assert all(f">{row.id}<" in page for row in rows)
+    assert "not met: I21.21" in page
+    page = thesis_report.training_report(study, parameters, True)
+    assert page.count("<svg") == 3
+    assert all(session.name in page for session in study.sessions)
+    assert "byte for byte" in page
+    assert "differ" in thesis_report.training_report(study, parameters, False)
 
 
 @pytest.mark.long

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from bluerov_slam.errors import ConfigError
+from bluerov_slam.sinks.whole_output import in_whole
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.navigation_table import Row
@@ -28,6 +29,26 @@ _BESIDE_THE_CHECKOUT = Path(__file__).resolve().parents[4] / "shared" / "data"
 json_option = click.option(
     "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the table as JSON, too."
 )
+
+report_option = click.option(
+    "--report",
+    "report_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write a report with plots there: one HTML file.",
+)
+
+
+def write_report(report_file: Path | None, make: Callable[[], str]) -> None:
+    """The page in one piece, if one is asked for. Raises ConfigError where it cannot be written."""
+    if report_file is None:
+        return
+    page = make()
+    try:
+        with in_whole(report_file) as unfinished:
+            unfinished.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--report {report_file}: {error.strerror}") from error
+    click.echo(f"Wrote {report_file}")
 
 
 def data_option(what: str) -> Callable[[Command], Command]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bluerov_slam.acoustics.calibration.geometry import GeometryPriors, in_words
+from bluerov_slam.cli.evaluation_options import report_option, write_report
 from bluerov_slam.cli.isbl_solve import make_array
 from bluerov_slam.errors import ConfigError, RecordingError
 from bluerov_slam.sinks.whole_output import in_whole
@@ -36,6 +37,7 @@ from bluerov_slam.survey.acoustic_calibrate import calibrate_array, calibration_
 @click.option("--mounting-std", "mounting_deg", default=3.0, show_default=True, type=click.FloatRange(0.0), help="deg.")
 @click.option("--offset-std", "offset_us", default=0.0, show_default=True, type=click.FloatRange(0.0), help="us.")
 @click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write the calibration there.")
+@report_option
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
 def command(
     record: Path,
@@ -50,6 +52,7 @@ def command(
     mounting_deg: float,
     offset_us: float,
     json_file: Path | None,
+    report_file: Path | None,
     force: bool,
 ) -> None:
     """Receivers' resonances, positions, sound speed and mounting from the pulses in RECORD.
@@ -58,14 +61,16 @@ def command(
     have in common, which never tells its mounting and hardly its size. What the data cannot tell is said and keeps its
     prior. A standard deviation of 0 holds a group as it is.
     """
-    if json_file is not None and json_file.exists() and not force:
-        raise ConfigError(f"{json_file} exists; give another name, or --force to replace it")
+    for output in (json_file, report_file):
+        if output is not None and output.exists() and not force:
+            raise ConfigError(f"{output} exists; give another name, or --force to replace it")
     array = make_array(fifth, arm_m, receivers, thesis_skew)
     priors = GeometryPriors(
         1e-3 * position_mm, 0.01 * sound_percent, (math.radians(mounting_deg),) * 3, 1e-6 * offset_us
     )
     known = None if places is None else read_places(places)
-    calibration = calibrate_array(read_acoustic_records(record), array, sound_speed_mps, known, priors)
+    records = read_acoustic_records(record)
+    calibration = calibrate_array(records, array, sound_speed_mps, known, priors)
     for note in calibration.notes:
         click.echo(note)
     resonances = calibration.responses.responses.resonance_hz
@@ -75,6 +80,13 @@ def command(
     if json_file is not None:
         with in_whole(json_file) as unfinished:
             unfinished.write_text(json.dumps(calibration_json(calibration), indent=1) + "\n", encoding="utf-8")
+
+    def report() -> str:
+        from bluerov_slam.survey.acoustic_calibrate_report import calibration_report
+
+        return calibration_report(record.name, records, array, calibration)
+
+    write_report(report_file, report)
 
 
 def read_places(path: Path) -> NDArray[np.float64]:

@@ -13,11 +13,13 @@ import click
 from bluerov_slam.cli.evaluation_options import (
     DATA_VARIABLE,
     data_option,
+    report_option,
     run_all,
     run_options,
     tell,
     wanted_cases,
     warn_of_tuning_seeds,
+    write_report,
 )
 
 if TYPE_CHECKING:
@@ -30,12 +32,14 @@ DEFAULT_DRAWS = 1000
 @click.option("--draws", default=DEFAULT_DRAWS, show_default=True, type=click.IntRange(1), help="Records of each cell.")
 @click.option("--cases", default="", help="Some of the cases, as I1,I2; all by default.")
 @run_options
+@report_option
 @data_option("Real recordings for I20 and I21")
 def command(
     draws: int,
     cases: str,
     seed_base: int,
     json_file: Path | None,
+    report_file: Path | None,
     jobs: int,
     scheduler: str | None,
     data_folder: Path,
@@ -59,6 +63,13 @@ def command(
         else:
             rows.append(skipped_row(case, f"no {data_folder / case.material} (set {DATA_VARIABLE})"))
     tell(rows, json_file)
+
+    def report() -> str:
+        from bluerov_slam.survey.acoustic_report import evaluation_report
+
+        return evaluation_report(wanted, found, rows)
+
+    write_report(report_file, report)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import click
 
-from bluerov_slam.cli.evaluation_options import LOGS, data_option, json_option, tell
+from bluerov_slam.cli.evaluation_options import LOGS, data_option, json_option, report_option, tell, write_report
 
 
 @click.command(name="reproduce", short_help="The thesis's published results, from its raw logs.")
 @data_option(LOGS)
 @json_option
-@click.option(
-    "--report", "report_file", type=click.Path(dir_okay=False, path_type=Path), help="Write a report with plots (HTML)."
-)
+@report_option
 def command(data_folder: Path, json_file: Path | None, report_file: Path | None) -> None:
     """Reproduce the thesis's table, truth, filters and depth noise from its 27 serial logs.
 
@@ -27,9 +25,11 @@ def command(data_folder: Path, json_file: Path | None, report_file: Path | None)
     click.echo("\n".join(f"{count:6d} {kind.value}" for kind, count in study.census.most_common()))
     rows = reproduced_rows(study)
     tell(rows, json_file)
-    if report_file is not None:
+
+    def report() -> str:
         from bluerov_slam.survey.thesis_parameters import shipped_parameters
         from bluerov_slam.survey.thesis_report import report_html
 
-        report_file.write_text(report_html(study, rows, shipped_parameters()), encoding="utf-8")
-        click.echo(f"Wrote {report_file}")
+        return report_html(study, rows, shipped_parameters())
+
+    write_report(report_file, report)

@@ -10,6 +10,7 @@ import numpy as np
 
 from bluerov_slam.acoustics.array import THESIS_RANK_SKEW_S, ReceiverArray
 from bluerov_slam.acoustics.time_differences.estimate import METHODS, Method
+from bluerov_slam.cli.evaluation_options import report_option, write_report
 from bluerov_slam.errors import ArrayGeometryError, ConfigError, RecordingError
 from bluerov_slam.sinks.whole_output import in_whole
 from bluerov_slam.sources.acoustic_records import read_acoustic_records
@@ -66,7 +67,7 @@ def make_array(fifth: bool, arm_m: float, places: tuple[str, ...], thesis_skew: 
     "--method", type=click.Choice([each for each in METHODS if each != "matched"]), default="joint", show_default=True
 )
 @click.option("--json", "json_file", type=click.Path(path_type=Path), help="Write every number there.")
-@click.option("--report", type=click.Path(path_type=Path), help="Write an HTML report with correlation surfaces there.")
+@report_option
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 def command(
     record: Path,
@@ -80,7 +81,7 @@ def command(
     range_: tuple[float, float] | None,
     method: Method,
     json_file: Path | None,
-    report: Path | None,
+    report_file: Path | None,
     force: bool,
 ) -> None:
     """Delays, direction and, with --depth or --range, the position of the source in RECORD.
@@ -89,7 +90,7 @@ def command(
     forward along its normal, right, down.
     """
     array = make_array(fifth, arm_m, places, thesis_skew)
-    for output in (json_file, report):
+    for output in (json_file, report_file):
         if output is not None and output.exists() and not force:
             raise ConfigError(f"{output} exists; give another name, or --force to replace it")
     options = SolveOptions(array, sound_speed_mps, method, depth, axis, range_)
@@ -99,10 +100,17 @@ def command(
     try:
         if json_file is not None:
             _write_json(json_file, record, solved, options)
-        if report is not None:
-            _write_report(report, record, solved, options)
     except OSError as error:
         raise RecordingError(f"cannot write {error.filename}: {error.strerror}") from error
+
+    def report() -> str:
+        try:
+            from bluerov_slam.survey.acoustic_solve_report import solve_report
+        except ImportError as error:
+            raise ConfigError("--report needs matplotlib: install the extra 'survey'") from error
+        return solve_report(record.name, solved, options)
+
+    write_report(report_file, report)
 
 
 def _line(number: int, solved: SolvedRecord) -> str:
@@ -139,12 +147,3 @@ def _write_json(path: Path, record: Path, solved: list[SolvedRecord], options: S
     }
     with in_whole(path) as unfinished:
         unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def _write_report(path: Path, record: Path, solved: list[SolvedRecord], options: SolveOptions) -> None:
-    try:
-        from bluerov_slam.survey.acoustic_solve_report import solve_report
-    except ImportError as error:
-        raise ConfigError("--report needs matplotlib: install the extra 'survey'") from error
-    with in_whole(path) as unfinished:
-        unfinished.write_text(solve_report(record.name, solved, options), encoding="utf-8")

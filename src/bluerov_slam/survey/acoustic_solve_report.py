@@ -78,9 +78,7 @@ def _row(number: int, solved: SolvedRecord) -> str:
 
 
 def _figures(number: int, solved: SolvedRecord, options: SolveOptions) -> str:
-    with matplotlib.rc_context(STYLE):
-        drawing = _draw(solved, options)
-        text = "" if drawing is None else as_svg(drawing)
+    text = surface_svg(solved, options)
     caption = (
         "Above: the records, and the correlation of the reference with each other receiver within what the array "
         "allows. Below: how well all receivers agree for a pulse from every direction in front of the array (1: as "
@@ -90,6 +88,13 @@ def _figures(number: int, solved: SolvedRecord, options: SolveOptions) -> str:
     return (
         f"<h2>Record {solved.record.record_id or number}</h2><figure>{text}<figcaption>{caption}</figcaption></figure>"
     )
+
+
+def surface_svg(solved: SolvedRecord, options: SolveOptions) -> str:
+    """Records, correlations of pairs and agreement by direction; empty without usable receivers."""
+    with matplotlib.rc_context(STYLE):
+        drawing = _draw(solved, options)
+        return "" if drawing is None else as_svg(drawing)
 
 
 def _draw(solved: SolvedRecord, options: SolveOptions) -> Figure | None:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bluerov_slam.evaluation.navigation_table import Row
+
+NO_PLOTS = '<p class=banner>No plots: get matplotlib with pip install "bluerov-slam[survey]".</p>'
 
 _CSS = """
 :root{color-scheme:light}*{box-sizing:border-box}
@@ -40,3 +47,60 @@ def figure_html(plots: dict[str, str] | None, name: str, title: str, caption: st
     label = escape(title or name)
     svg = plots[name].replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
     return f"{head}<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def drawn(draw: Callable[[], dict[str, str]]) -> dict[str, str] | None:
+    """What `draw` makes, None where matplotlib is not there; import what draws inside of it."""
+    try:
+        return draw()
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith("matplotlib"):
+            raise
+        return None
+
+
+def table_html(heads: Sequence[str], lines: Iterable[Sequence[str]], numbers: Iterable[int] = ()) -> str:
+    """A table of words; the columns `numbers` stand to the right."""
+    right = set(numbers)
+    kinds = ["n" if column in right else "" for column in range(len(heads))]
+    head = "".join(f"<th class={kind or 't'}>{escape(text)}" for kind, text in zip(kinds, heads, strict=True))
+    rows = "".join(
+        "<tr>" + "".join(f"<td class={kind or 't'}>{escape(text)}" for kind, text in zip(kinds, line, strict=True))
+        for line in lines
+    )
+    return f"<table><tr>{head}{rows}</table>"
+
+
+def rows_html(rows: Sequence[Row]) -> str:
+    """Figures beside their targets, as the commands print them."""
+    lines = []
+    for row in rows:
+        low, high = row.interval.low, row.interval.high
+        lines.append(
+            (
+                row.id,
+                row.name,
+                f"{shown(row.interval.value)} {row.unit}".strip(),
+                "" if math.isnan(low) or low == high else f"{low:.3g} to {high:.3g}",
+                *("" if target is None else str(target) for target in (row.must, row.aim)),
+                "" if row.bound_ratio is None else f"{row.bound_ratio:.2f}",
+                {True: "yes", False: "no", None: ""}[row.met],
+            )
+        )
+    return table_html(("Id", "Figure", "value", "95 %", "must", "aim", "/ bound", "met"), lines, range(2, 7))
+
+
+def verdict_html(rows: Sequence[Row]) -> str:
+    """In one line: what was missed."""
+    missed = [row.id for row in rows if row.met is False]
+    judged = sum(row.met is not None for row in rows)
+    if missed:
+        return f"<p class='banner bad'>{judged} targets, not met: {escape(', '.join(missed))}.</p>"
+    return f"<p class=sub>{judged} targets, all met.</p>" if judged else ""
+
+
+def shown(value: float) -> str:
+    """A figure with four digits, whole ones without a fraction; "-" is none."""
+    if math.isnan(value):
+        return "-"
+    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.4g}"

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from html import escape
+
+import numpy as np
 
 from bluerov_slam.acoustics.slip_lattice import Floats
 from bluerov_slam.evaluation import thesis_held_out as held_out
 from bluerov_slam.evaluation import thesis_table
 from bluerov_slam.evaluation.navigation_table import Row
 from bluerov_slam.evaluation.thesis_held_out import Parameters
-from bluerov_slam.survey.report_page import figure_html, page_html
+from bluerov_slam.survey.report_page import NO_PLOTS, drawn, figure_html, page_html, rows_html, table_html, verdict_html
 from bluerov_slam.survey.thesis_study import ThesisStudy, held_out_rows
 
 _LABEL_NOTE = (
@@ -27,6 +30,11 @@ _RECIPE_NOTE = (
     "removed by a truth that one does not have; the errors below are lengths, of all rows."
 )
 
+_SOURCE = (
+    "<p class=sub>27 serial logs of 5 to 8 August 2024, in air: J. Frabosilio, master's thesis, Cal Poly San Luis "
+    "Obispo (CC BY-SA 4.0). All figures are from real data.</p>"
+)
+
 
 def report_html(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters) -> str:
     """The whole page; `rows` are those of `reproduced_rows`."""
@@ -34,14 +42,13 @@ def report_html(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters)
     plots = _plots(study, smoothed)
     parts = [
         "<h1>Inverted short baseline: the thesis's logs</h1>",
-        "<p class=sub>27 serial logs of 5 to 8 August 2024, in air: J. Frabosilio, master's thesis, Cal Poly San Luis "
-        "Obispo (CC BY-SA 4.0). All figures are from real data.</p>",
-        "" if plots else '<p class=banner>No plots: get matplotlib with pip install "bluerov-slam[survey]".</p>',
+        _SOURCE,
+        "" if plots else NO_PLOTS,
         f"<h2>The published table, with its labels put right</h2><p>{escape(_LABEL_NOTE)}</p>",
         _table(thesis_table.published_table(study.logs)),
         f"<p>{escape(_RECIPE_NOTE)}</p>",
         "<h2>What the logs say</h2>",
-        _rows(rows),
+        rows_html(rows),
         figure_html(
             plots, "scatter", "Errors by test",
             "iSBL-SF less truth, all rows. The ellipse holds 95 % of a normal distribution of the same spread; the "
@@ -62,19 +69,112 @@ def report_html(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters)
             plots, "held_out", "",
             "How many rows of the second halves are within an error; the slip lattice started anew there.",
         ),
-        _rows(held_out_rows(study, parameters)),
+        rows_html(held_out_rows(study, parameters)),
     ]  # fmt: skip
     return page_html("Inverted short baseline: the thesis's logs", parts)
 
 
+def held_out_report(study: ThesisStudy, rows: Sequence[Row], parameters: Parameters) -> str:
+    """What `isbl heldout` states; `rows` are those of `held_out_rows`."""
+    logs = [each.measured for each in study.sessions]
+    smoothed, causal = (held_out.estimates(logs, parameters, smoothed=each, anew=True) for each in (True, False))
+
+    def draw() -> dict[str, str]:
+        from bluerov_slam.survey import thesis_half_plots
+
+        return thesis_half_plots.draw_held_out(study, smoothed, causal)
+
+    plots = drawn(draw)
+    title = "Inverted short baseline: held-out halves of the thesis's logs"
+    parts = [
+        f"<h1>{title}</h1>",
+        _SOURCE,
+        "<p>All was found from the first half of each log and is scored on the second, where the filters start anew. "
+        "Nothing is removed. Intervals come from resampling the logs.</p>",
+        verdict_html(rows),
+        "" if plots else NO_PLOTS,
+        rows_html(rows),
+        figure_html(
+            plots, "held_out", "How many rows are within an error",
+            "Rows of the second halves of all logs.",
+        ),
+        figure_html(
+            plots, "half_scatter", "Errors by test",
+            "The causal filter less truth, second halves. The ellipse holds 95 % of a normal distribution of the same "
+            "spread.",
+        ),
+        figure_html(
+            plots, "half_histograms", "Bands",
+            "Logs of a standing platform, second halves: raw fixes lie in bands a slipped carrier period apart; the "
+            "filter takes most of them for one place.",
+        ),
+        figure_html(plots, "half_geometry", "Error over range and angle", "One mark for each test, second halves."),
+    ]  # fmt: skip
+    return page_html(title, parts)
+
+
+def training_report(study: ThesisStudy, parameters: Parameters, same: bool | None) -> str:
+    """What `isbl calibrate` found; `same`: whether the package's own parameters came out, None if not asked."""
+
+    def draw() -> dict[str, str]:
+        from bluerov_slam.survey import thesis_half_plots
+
+        return thesis_half_plots.draw_training(study, parameters)
+
+    plots = drawn(draw)
+    title = "Inverted short baseline: parameters from first halves"
+    names = sorted({name for each in parameters.settings.values() for name in asdict(each)})
+    settings = [(name, *(f"{getattr(each, name):g}" for each in parameters.settings.values())) for name in names]
+    sessions = [
+        (
+            name,
+            *(f"{value:.1f}" for value in told.coefficients_mm[0][:2]),
+            str(told.coefficients_mm.shape[0]),
+            *(f"{value:.2f}" for value in told.sd_mm),
+            f"{100.0 * float(np.max(told.probability)):.0f} %",
+            f"{100.0 * float(1.0 - np.max(told.probability)):.0f} %",
+        )
+        for name, told in sorted(parameters.calibrations.items())
+    ]
+    verdict = {None: "", True: "<p class=sub>The package's parameters came out, byte for byte.</p>"}.get(
+        same, "<p class='banner bad'>They differ from the package's.</p>"
+    )
+    heads = ("Log", "bias in y, mm", "in z, mm", "terms", "noise in y, mm", "in z, mm", "fullest cell", "other cells")
+    parts = [
+        f"<h1>{title}</h1>",
+        _SOURCE,
+        "<p>From the first half of each log alone; settings are chosen by nested quarters of these halves.</p>",
+        verdict,
+        "" if plots else NO_PLOTS,
+        "<h2>Settings by kind of motion</h2>",
+        table_html(("Setting", *parameters.settings), settings, range(1, 1 + len(parameters.settings))),
+        "<h2>Calibration of each session</h2>",
+        table_html(heads, sessions, range(1, len(heads))),
+        figure_html(
+            plots, "cells", "Cells of the carrier",
+            "How often fixes of the first half fell into each cell of the slip lattice, cells by size.",
+        ),
+        figure_html(
+            plots, "half_histograms", "Bands",
+            "Logs of a standing platform, first halves: raw fixes less truth, and in red where the lattice has its "
+            "cells about the bias found.",
+        ),
+        figure_html(
+            plots, "half_scatter", "Residuals by test",
+            "First halves: raw fixes less truth, bias and nearest cell. The ellipse holds 95 % of a normal "
+            "distribution of the same spread.",
+        ),
+    ]  # fmt: skip
+    return page_html(title, parts)
+
+
 def _plots(study: ThesisStudy, smoothed: dict[str, Floats]) -> dict[str, str] | None:
-    try:
+    def draw() -> dict[str, str]:
         from bluerov_slam.survey import thesis_plots
-    except ModuleNotFoundError as error:
-        if error.name is None or not error.name.startswith("matplotlib"):
-            raise
-        return None
-    return thesis_plots.draw(study, smoothed)
+
+        return thesis_plots.draw(study, smoothed)
+
+    return drawn(draw)
 
 
 def _table(rows: Sequence[thesis_table.TableRow]) -> str:
@@ -92,23 +192,3 @@ def _table(rows: Sequence[thesis_table.TableRow]) -> str:
         group = f"test {row.group}" if row.group.isdigit() else row.group
         lines.append(f"<tr><td>{escape(group)}<td class=n>{row.count}{cells}")
     return f"<table><tr><th>Group<th class=n>rows{heads}{''.join(lines)}</table>"
-
-
-def _rows(rows: Sequence[Row]) -> str:
-    lines = []
-    for row in rows:
-        met = {True: "yes", False: "no", None: ""}[row.met]
-        spread = "" if row.interval.low == row.interval.high else f"{row.interval.low:.3g} to {row.interval.high:.3g}"
-        asked = "".join(
-            f"<td class=n>{escape('' if target is None else str(target))}" for target in (row.must, row.aim)
-        )
-        lines.append(
-            f"<tr><td>{escape(row.id)}<td>{escape(row.name)}<td class=n>{_shown(row.interval.value)} {escape(row.unit)}"
-            f"<td class=n>{spread}{asked}<td>{met}"
-        )
-    head = "<tr><th>Id<th>Figure<th class=n>value<th class=n>95 %<th class=n>must<th class=n>aim<th>met"
-    return f"<table>{head}{''.join(lines)}</table>"
-
-
-def _shown(value: float) -> str:
-    return f"{value:.0f}" if value == round(value) else f"{value:.4g}"
