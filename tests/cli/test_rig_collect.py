@@ -1,14 +1,22 @@
-"""`bluerov-slam rig collect`: files of a simulated collection, and what is refused."""
+"""`bluerov-slam rig collect`: files of a simulated collection and of one on a rig behind a pty, and what is refused."""
 
 import json
+import os
 from collections import Counter
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from bluerov_slam.cli.main import cli
 from bluerov_slam.cli.rig_collect import command
-from bluerov_slam.errors import ConfigError
+from bluerov_slam.errors import ConfigError, LinkError
+from bluerov_slam.services import rig as service
+from bluerov_slam.sources.acoustic_records import read_acoustic_records
 from bluerov_slam.sources.isbl_thesis_log import LineKind, parse_thesis_log
+from bluerov_slam.sources.recording_reader import open_recording
+from receiver_thread import ReceiverThread
+from rig_process import RigProcess
 
 NAME = "test_x1426_y0_z-694_s"
 
@@ -49,6 +57,81 @@ def test_the_logs_and_the_report_say_that_they_are_simulated(folder):
     assert ">nan" not in report
 
 
+def points_of(path):
+    return [json.loads(message.data) for message in open_recording(path).messages(("/rig/point",))]
+
+
+def test_the_recording_holds_points_and_what_the_receiver_heard(folder):
+    path = folder / f"{NAME}.mcap"
+    lines = [json.loads(line) for line in (folder / f"{NAME}.jsonl").read_text(encoding="utf-8").splitlines()]
+    points = points_of(path)
+    assert points == [
+        {key: value for key, value in line.items() if key not in ("source", "t_unix")}
+        for line in lines
+        if line["type"] == "rig_point"
+    ]
+    records = {record.record_id: record for record in read_acoustic_records(path)}
+    heard = [point["record_id"] for point in points]
+    assert heard == sorted(records)[-4:]
+    assert len(records) > 50  # and those at home, from which our chain calibrates itself
+    assert all(np.abs(records[number].samples).max() > 100 for number in heard)
+
+
+def test_the_recording_is_solved_as_any_arrays(folder):
+    solved = CliRunner().invoke(
+        cli, ["isbl", "solve", str(folder / f"{NAME}.mcap"), "--sound-speed", "343", "--thesis-skew"]
+    )
+    assert solved.exit_code == 0, solved.output
+    # The transmitter stands 1.3 m ahead, nearly level with the array.
+    assert "azimuth -0." in solved.output.splitlines()[-1] or "azimuth 0." in solved.output.splitlines()[-1]
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    """A rig that may move, its receiver, and the options that name them."""
+    monkeypatch.setattr(service, "REPLY_WAIT_S", 1.0)
+    receiver = ReceiverThread()
+    receiver.start()
+    with RigProcess() as process:
+        process.start()
+        ports = ("--port", os.ttyname(process._fd), "--receiver-port", receiver.path)
+        yield process, receiver, (*ports, "--move-for-real", "--tests", "1", "--motion", "stationary")
+    receiver.end()
+
+
+def test_a_rig_that_leans_at_home_is_collected_from(bench, tmp_path):
+    _, receiver, options = bench
+    receiver.attitude_deg = (0.0, -10.0, 0.0)
+    output = run(tmp_path / "out", *options, "--fixes", 2, "--tilt-at-home", "0,-3").output
+    assert "1: A 0: collected" in output
+    path = tmp_path / "out" / f"{NAME}.mcap"
+    recording = open_recording(path)
+    assert not recording.simulated
+    assert [point["missing"] for point in points_of(path)] == [None, None]
+    links = dict.fromkeys(("/rig/link", "/rig/link_down", "/receiver/link", "/receiver/link_down"), 0)
+    for message in recording.messages(links):
+        links[message.topic] += len(message.data)
+    assert all(links.values())
+    assert "Measured with the rig" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_same_lean_untold_ends_the_collection(bench, tmp_path):
+    _, receiver, options = bench
+    receiver.attitude_deg = (0.0, -10.0, 0.0)
+    with pytest.raises(ConfigError, match="no point was collected"):
+        run(tmp_path / "out", *options, "--fixes", 5)
+    assert "pitch is 10.0 degrees" in points_of(tmp_path / "out" / f"{NAME}.mcap")[0]["missing"]
+
+
+def test_a_port_that_goes_away_leaves_a_report_of_what_there_is(bench, tmp_path):
+    process, receiver, options = bench
+    receiver.on_told = lambda: len(receiver.told) == 3 and process.process.kill()
+    output = run(tmp_path / "out", *options, "--fixes", 9).output
+    assert "Ended early:" in output
+    assert len(points_of(tmp_path / "out" / f"{NAME}.mcap")) >= 2
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 def test_a_folder_with_something_in_it_is_left_alone(folder):
     before = sorted(folder.iterdir())
     with pytest.raises(ConfigError, match="not empty"):
@@ -67,6 +150,11 @@ def test_a_folder_with_something_in_it_is_left_alone(folder):
         (("--move-for-real",), "give its --port"),
         (("--port", "/dev/null", "--fault", "stuck 0 0"), "for a simulated rig"),
         (("--port", "/dev/null", "--move-for-real"), "--receiver-port"),
+        (("--port", "/dev/null", "--receiver-port", "/dev/null", "--move-for-real"), "each has its own"),
+        (("--tilt-at-home", "0,-3"), "for a real rig"),
+        (("--port", "/dev/null", "--tilt-at-home", "1"), "two numbers with a comma"),
+        (("--port", "/dev/null", "--tilt-at-home", "0,nan"), "within 8"),
+        (("--port", "/dev/null", "--tilt-at-home", "0,-30"), "within 8"),
     ],
 )
 def test_what_makes_no_sense_is_said_in_a_line(tmp_path, arguments, message):
@@ -79,3 +167,10 @@ def test_without_the_flag_a_real_rig_is_only_told_about(tmp_path):
     assert "Nothing moves yet" in output
     assert "all four platforms move (gradual)" in output
     assert not (tmp_path / "out").exists()
+
+
+def test_a_port_that_is_none_is_said_and_the_folder_can_be_used_again(tmp_path):
+    ports = ("--port", tmp_path / "ttyUSB0", "--receiver-port", tmp_path / "ttyUSB1")
+    for _ in range(2):
+        with pytest.raises(LinkError, match="does not exist"):
+            run(tmp_path / "out", *ports, "--move-for-real", "--tests", "1")

@@ -2,73 +2,25 @@
 
 import os
 import threading
-import time
-import tty
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bluerov_slam.errors import LinkError
+from bluerov_slam.errors import LinkError, RecordingError
 from bluerov_slam.protocol.rig_link import RigMode
-from bluerov_slam.protocol.rig_receiver import NumberReceiver, ReceiverResult, encode_result
 from bluerov_slam.rig.collection import Collection, CollectionPlan, Keep, Motion, Move, Pressed, Session
 from bluerov_slam.services import rig as service
 from bluerov_slam.services.rig import Line, RealRig, ReceiverLink, RigLink, what_moves
+from receiver_thread import PLACE, ReceiverThread
 from rig_process import RigProcess
-
-PLACE = (110.0, 1.0, -648.0)
-
-
-class Receiver(threading.Thread):
-    """Replies and results of a receiver on a pty; `fail(n, kind)` spoils its n-th answer."""
-
-    def __init__(self):
-        super().__init__(daemon=True)
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.path = Path(os.ttyname(self._slave))
-        self.attitude_deg = (0.0, 0.0, 0.0)
-        self.told = []
-        self.deaf = False
-        self.damaged = set()
-        self.refusals = 0
-        self.on_told = lambda: None
-        self._ended = False
-
-    def run(self):
-        numbers = NumberReceiver()
-        while not self._ended:
-            try:
-                data = os.read(self._master, 256)
-            except OSError:
-                return
-            if self.deaf:
-                continue
-            if self.refusals:
-                self.refusals -= 1
-                os.write(self._master, b"0")
-                continue
-            values, answer = numbers.feed(data)
-            os.write(self._master, answer)
-            if values:
-                self.told += values
-                self.on_told()
-                time.sleep(0.35)  # the reply must have ended by silence
-                line = encode_result(ReceiverResult(PLACE, PLACE, PLACE, self.attitude_deg, (1426.0, 0.0, -694.0)))
-                os.write(self._master, b"12.0,xy" if len(self.told) in self.damaged else line)
-
-    def end(self):
-        self._ended = True
-        os.close(self._slave)
-        os.close(self._master)
 
 
 @pytest.fixture
 def bench(monkeypatch):
     """A rig that may move, its receiver, and the driver of both."""
     monkeypatch.setattr(service, "REPLY_WAIT_S", 1.0)
-    receiver = Receiver()
+    receiver = ReceiverThread()
     receiver.start()
     with RigProcess() as process:
         process.start()
@@ -189,3 +141,19 @@ def test_what_will_move_is_said_before():
         "a: nothing moves, 7 points at home",
         "b: all four platforms move (gradual), 2 x: A 24 to -24 deg, Z 64 to -64 mm",
     ]
+
+
+def test_a_log_that_cannot_be_written_stops_the_rig(bench):
+    process, _, rig, _ = bench
+    kept = []
+
+    def full(action):
+        kept.append(action)
+        if len(points_of(kept)) == 2:
+            raise RecordingError("the disk is full")
+
+    with pytest.raises(RecordingError):
+        rig.run(collection(), full)
+    state = process.where()
+    assert state.mode == RigMode.READY
+    assert state.set_points[0, 2] == pytest.approx(2.0, abs=1e-5)

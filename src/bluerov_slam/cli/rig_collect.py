@@ -12,17 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bluerov_slam.cli.rig_real import announced, move_option, port_option
-from bluerov_slam.errors import ConfigError
+from bluerov_slam.errors import ConfigError, LinkError, RecordingError
 
 if TYPE_CHECKING:
     from bluerov_slam.evaluation.rig_experiment import SessionOutcome
     from bluerov_slam.evaluation.rig_table import Collected
     from bluerov_slam.rig.collection import Action, Point, Session
-    from bluerov_slam.sinks.isbl_thesis_log import ThesisLogWriter
-    from bluerov_slam.sinks.rig_log import RigLogWriter
+    from bluerov_slam.sinks.rig_session import RigSessionFiles
 
 MOTIONS = ("stationary", "rapid", "gradual")
 TESTS = 9
+LARGEST_TILT_DEG = 8.0
+"""The thesis's rig leant by three degrees at home."""
 
 
 @click.command(name="collect", short_help="Run the thesis's experiment, simulated by default.")
@@ -49,6 +50,11 @@ TESTS = 9
     "--receiver-port", type=click.Path(path_type=Path), help="A real rig: the serial port of the acoustic receiver."
 )
 @move_option
+@click.option(
+    "--tilt-at-home",
+    metavar="ROLL,PITCH",
+    help="A real rig: what its receiver shows at home, degrees; what is set counts from there [default: 0,0].",
+)
 def command(
     folder: Path,
     tests: str,
@@ -62,8 +68,10 @@ def command(
     port: Path | None,
     receiver_port: Path | None,
     move_for_real: bool,
+    tilt_at_home: str | None,
 ) -> None:
-    """Collect data into FOLDER: a log in the thesis's format and one of ours (JSONL) for each session, and report.html.
+    """Collect data into FOLDER: for each session a log in the thesis's format, one of ours (JSONL) and a recording
+    (MCAP), and report.html.
 
     A missing point has a reason in our log and no line in the thesis's. See docs/rig-collection.md.
     """
@@ -72,20 +80,39 @@ def command(
         raise ConfigError("--receiver-port and --move-for-real are for a real rig: give its --port, too")
     if port is not None and faults:
         raise ConfigError("--fault is for a simulated rig")
+    if port is None and tilt_at_home is not None:
+        raise ConfigError("--tilt-at-home is for a real rig; a simulated one measures its own")
+    level_rad = _level_rad(tilt_at_home)
+    if port is not None and port == receiver_port:
+        raise ConfigError(f"{port} is given as the rig's port and as the receiver's; each has its own")
     if port is not None and not announced(_what_moves(sessions), move_for_real):
         return
+    if port is not None and receiver_port is None:
+        raise ConfigError("a real collection needs the receiver's port: --receiver-port")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ConfigError(f"{folder} is not empty; a collection goes into a folder of its own")
     except OSError as error:
-        raise ConfigError(f"cannot use {folder}: {error.strerror}") from error
-    if port is None:
+        raise ConfigError(f"cannot use {folder}: {error.strerror}; give a folder that can be written") from error
+    if port is None or receiver_port is None:
         _simulated(folder, sessions, seed, faults, jobs)
-    elif receiver_port is None:
-        raise ConfigError("a real collection needs the receiver's port: --receiver-port")
     else:
-        _real(folder, sessions, port, receiver_port)
+        _real(folder, sessions, port, receiver_port, level_rad)
+
+
+def _level_rad(text: str | None) -> tuple[float, float]:
+    """Of "ROLL,PITCH" in degrees. Raises ConfigError."""
+    try:
+        roll, pitch = (float(part) for part in ("0,0" if text is None else text).split(","))
+    except ValueError:
+        roll = pitch = float("nan")
+    if not (abs(roll) <= LARGEST_TILT_DEG and abs(pitch) <= LARGEST_TILT_DEG):  # NaN is too much
+        raise ConfigError(
+            f"--tilt-at-home '{text}': two numbers with a comma are expected, roll and pitch in degrees, each within "
+            f"{LARGEST_TILT_DEG:g}; a rig that leans more at home needs its servos' zeros set (docs/rig-calibration.md)"
+        )
+    return float(np.radians(roll)), float(np.radians(pitch))
 
 
 def _what_moves(sessions: list[tuple[int, Session]]) -> list[str]:
@@ -158,32 +185,44 @@ def _simulated(
 
 
 def _write(folder: Path, outcome: SessionOutcome) -> None:
-    """Both logs of a simulated session; ours holds what only a simulation knows, too."""
+    """The files of a simulated session; ours hold what only a simulation knows, too. Raises RecordingError."""
     from bluerov_slam.rig.collection import Keep
-    from bluerov_slam.sinks import isbl_thesis_log, rig_log
+    from bluerov_slam.sinks.rig_session import SIMULATED, RigSessionFiles
 
-    name = outcome.session.name
-    thesis = isbl_thesis_log.ThesisLogWriter(folder / f"{name}{isbl_thesis_log.SUFFIX}", "SIMULATED")
-    ours = rig_log.RigLogWriter(folder / f"{name}{rig_log.SUFFIX}", "simulated")
-    number = 0
-    for action in outcome.actions:
-        thesis.take(action)
-        extra = None
-        if isinstance(action, Keep):
-            extra = {"ours_mm": outcome.ours_mm[number], "simulated_place_mm": outcome.true_mm[number]}
-            number += 1
-        ours.take(action, extra)
-    thesis.close()
-    ours.close()
+    files = RigSessionFiles(folder, outcome.session.name, SIMULATED)
+    try:
+        heard = iter([*outcome.records, None])
+        waiting = next(heard)
+        number = 0
+        for action, at_s in zip(outcome.actions, outcome.times_s, strict=True):
+            while waiting is not None and waiting.measured_s <= at_s:
+                files.record(waiting)
+                waiting = next(heard)
+            extra = None
+            if isinstance(action, Keep):
+                extra = {
+                    "ours_mm": outcome.ours_mm[number],
+                    "simulated_place_mm": outcome.true_mm[number],
+                    "record_id": outcome.record_ids[number],
+                }
+                number += 1
+            files.take(action, at_s, extra)
+    finally:
+        files.close()
 
 
 def _report(folder: Path, scored: list[Collected], source: str, seed: int | None) -> None:
     from bluerov_slam.evaluation import rig_table
+    from bluerov_slam.sinks.whole_output import in_whole
     from bluerov_slam.survey.rig_report import report_html
 
     if not any(len(each.rows) for each in scored):
         raise ConfigError(f"no point was collected; the reasons are in the logs in {folder}")
-    (folder / "report.html").write_text(report_html(scored, source, seed), encoding="utf-8")
+    try:
+        with in_whole(folder / "report.html") as unfinished:
+            unfinished.write_text(report_html(scored, source, seed), encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"cannot write {folder / 'report.html'}: {error.strerror}; the logs are there") from error
     truth = "real" if source == "simulated" else "rig"
     click.echo(f"{source.capitalize()}: errors across the line of sight, mm, nothing removed")
     for name in rig_table.ESTIMATES:
@@ -195,7 +234,9 @@ def _report(folder: Path, scored: list[Collected], source: str, seed: int | None
     click.echo(f"Logs and report.html are in {folder}")
 
 
-def _real(folder: Path, sessions: list[tuple[int, Session]], port: Path, receiver_port: Path) -> None:
+def _real(
+    folder: Path, sessions: list[tuple[int, Session]], port: Path, receiver_port: Path, level_rad: tuple[float, float]
+) -> None:
     from bluerov_slam.evaluation.rig_table import collected
     from bluerov_slam.rig.collection import Collection, CollectionPlan
     from bluerov_slam.rig.collection_truth import truth_of
@@ -208,13 +249,17 @@ def _real(folder: Path, sessions: list[tuple[int, Session]], port: Path, receive
         limit = space.broken(set_point)
         return "" if limit is None else limit.words
 
-    plan = CollectionPlan([session for _, session in sessions])
+    plan = CollectionPlan([session for _, session in sessions], level_rad)
     logs = _Logs(folder, str(port))
     try:
-        with connected(port, receiver_port, click.echo) as rig:
+        with connected(port, receiver_port, click.echo, logs.link) as rig:
             reason = rig.run(Collection(plan, truth_of, reachable), logs.take)
     except KeyboardInterrupt:
         reason = "stopped by Ctrl-C"
+    except LinkError as error:
+        if not logs.points:
+            raise
+        reason = str(error)
     finally:
         logs.close()
     if reason:
@@ -228,38 +273,38 @@ def _real(folder: Path, sessions: list[tuple[int, Session]], port: Path, receive
 
 
 class _Logs:
-    """Both logs of each session in turn, and its points."""
+    """The files of each session in turn, and its points."""
 
     def __init__(self, folder: Path, source: str) -> None:
         self._folder, self._source = folder, source
-        self._open: list[ThesisLogWriter | RigLogWriter] = []
-        self._name = ""
+        self._open: RigSessionFiles | None = None
         self.points: dict[str, list[Point]] = {}
 
     def take(self, action: Action) -> None:
-        """Write what of an action belongs into the logs. Raises OSError."""
+        """Write what of an action belongs into the files. Raises RecordingError."""
         from bluerov_slam.rig.collection import Close, Keep, Open
-        from bluerov_slam.sinks import isbl_thesis_log, rig_log
+        from bluerov_slam.sinks.rig_session import RigSessionFiles
 
         if isinstance(action, Open):
-            self._name = action.session.name
-            self.points[self._name] = []
-            self._open = [
-                isbl_thesis_log.ThesisLogWriter(self._folder / f"{self._name}{isbl_thesis_log.SUFFIX}", "RIG"),
-                rig_log.RigLogWriter(self._folder / f"{self._name}{rig_log.SUFFIX}", self._source, time.time),
-            ]
+            self._open = RigSessionFiles(self._folder, action.session.name, self._source)
+            self.points[action.session.name] = []
         if isinstance(action, Keep):
             point = action.point
-            self.points[self._name].append(point)
+            self.points[point.session].append(point)
             where = f"{point.session} {point.number}: {point.axis} {point.label:g}"
             click.echo(f"{where}: {point.missing or 'collected'}", err=bool(point.missing))
-        for log in self._open:
-            log.take(action)
+        if self._open is not None:
+            self._open.take(action, time.monotonic())
         if isinstance(action, Close):
             self.close()
 
+    def link(self, whose: str, data: bytes, down: bool) -> None:
+        """Bytes of a link; those outside of a session are nobody's."""
+        if self._open is not None:
+            self._open.link(whose, down, data, time.monotonic())
+
     def close(self) -> None:
-        """Close what is open. Raises OSError."""
-        for log in self._open:
-            log.close()
-        self._open = []
+        """Close what is open. Raises RecordingError."""
+        files, self._open = self._open, None
+        if files is not None:
+            files.close()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bluerov_slam.evaluation.rig_chain import OurChain
 from bluerov_slam.geometry.platform_stack import PLATFORMS
+from bluerov_slam.records import AcousticRecord
 from bluerov_slam.rig.collection import (
     STEP_S,
     Action,
@@ -44,6 +45,7 @@ Array = NDArray[np.float64]
 
 HOME_PULSES = 80
 """Every third pulse, as at rest: four minutes, so that the compass's wobble averages out to some degree."""
+RECORD_BITS = 12
 PULSES_PER_FIX = {Motion.STATIONARY: 3, Motion.RAPID: 5, Motion.GRADUAL: 5}
 """The thesis's board answers to every third or fifth pulse."""
 
@@ -69,6 +71,9 @@ class SessionOutcome:
 
     Attributes:
         actions: What the collection did, for the logs.
+        times_s: When it did each, from the start of the receiver.
+        records: What the receiver heard, first at home, then of the points, by `record_id` from 0.
+        record_ids: Of all of `points`: which record it was made of; None for a missing one.
         true_mm: Where the array was, (n, 3).
         ours_mm: Our chain's position, (n, 3); NaN where it gave none.
         reason: Why the session ended early, "" if it did not.
@@ -76,6 +81,9 @@ class SessionOutcome:
 
     session: Session
     actions: list[Action]
+    times_s: list[float]
+    records: list[AcousticRecord]
+    record_ids: list[int | None]
     true_mm: Array
     ours_mm: Array
     reason: str = ""
@@ -90,8 +98,17 @@ def run_session(job: SessionJob) -> SessionOutcome:
     """The whole session; some 12 ms a point."""
     bench = _Bench(job)
     collection = Collection(CollectionPlan([job.session], level_rad=bench.level_rad), truth_of, bench.reachable)
-    reason = drive(collection, bench.do, bench.actions.append)
-    return SessionOutcome(job.session, bench.actions, np.array(bench.true_mm), np.array(bench.ours_mm), reason)
+    reason = drive(collection, bench.do, bench.keep)
+    return SessionOutcome(
+        job.session,
+        bench.actions,
+        bench.times_s,
+        bench.records,
+        bench.record_ids,
+        np.array(bench.true_mm),
+        np.array(bench.ours_mm),
+        reason,
+    )
 
 
 def drive(collection: Collection, do: Callable[[Action], Event | None], kept: Callable[[Action], None]) -> str:
@@ -125,6 +142,9 @@ class _Bench:
         self._track: Track | None = None
         self._heard: Heard | None = None
         self.actions: list[Action] = []
+        self.times_s: list[float] = []
+        self.records: list[AcousticRecord] = []
+        self.record_ids: list[int | None] = []
         self.true_mm: list[Array] = []
         self.ours_mm: list[Array] = []
         home_mm, _ = truth_of(np.zeros(6), euler_rad(pose.rotation) * (1.0, 1.0, 0.0))
@@ -135,6 +155,7 @@ class _Bench:
             heard = self._receiver.listen(self._now_s, pose.position_mm, pose.rotation, starting=True)
             if heard is not None:
                 home.append(heard)
+                self._record(heard)
         levels = np.array([heard.attitude_rad[:2] for heard in home]).reshape(-1, 2)
         self.level_rad = (float(np.mean(levels[:, 0])), float(np.mean(levels[:, 1]))) if home else (0.0, 0.0)
         self._chain = OurChain(self._receiver.array, self._receiver.surveyed_mm, home, home_mm)
@@ -143,6 +164,11 @@ class _Bench:
         """Why the drawn rig cannot go there, "" if it can."""
         limit = self._workspace.broken(set_point)
         return "" if limit is None else limit.words
+
+    def keep(self, action: Action) -> None:
+        """What the collection does, and when."""
+        self.actions.append(action)
+        self.times_s.append(self._now_s)
 
     def do(self, action: Action) -> Event | None:
         """One action on the simulated rig and receiver."""
@@ -161,6 +187,7 @@ class _Bench:
                 self.true_mm.append(self._rig.pose.position_mm if whole else np.full(3, np.nan))
                 ours = self._chain.fix_mm(self._heard) if whole and self._heard is not None else np.full(3, np.nan)
                 self.ours_mm.append(ours)
+                self.record_ids.append(len(self.records) - 1 if whole else None)
             case Open() | _:
                 pass
         return None
@@ -172,4 +199,18 @@ class _Bench:
         self._track, self._heard = None, heard
         if heard is None:
             return Silent()
+        self._record(heard)
         return Result(heard.acoustic_mm, heard.fused_mm, heard.raw_mm, heard.attitude_rad)
+
+    def _record(self, heard: Heard) -> None:
+        self.records.append(
+            AcousticRecord(
+                measured_s=heard.at_s,
+                arrived_s=heard.at_s,
+                record_id=len(self.records),
+                sample_rate_hz=heard.sample_rate_hz,
+                samples=heard.samples.astype(np.int16),
+                bits=RECORD_BITS,
+                trigger_index=0,
+            )
+        )

@@ -23,7 +23,9 @@ the tilt, would pass for known to a millimetre."""
 
 
 @cache
-def _spread() -> ManufacturingSpread:
+def truth_spread() -> ManufacturingSpread:
+    """What the report's stated deviation comes from: gauge (facing servos pass it together, hence correlated), stated
+    dimensions, the logs' play, and the stacking."""
     return replace(logged_spread(), stacking_mm=STACKING_MM)
 
 
@@ -32,5 +34,5 @@ def truth_of(set_point: Floats, attitude_rad: Floats) -> tuple[Floats, Floats]:
     pitch and yaw (3,) measured. NaN where the set point cannot be reached."""
     std = np.array((LEVEL_STD_RAD, LEVEL_STD_RAD, YAW_STD_RAD))
     turn = rotations(np.asarray(attitude_rad)[None])[0]
-    found = tool_truth(np.tile(set_point, (PLATFORMS, 1)), turn, std, FO_SHIP, _spread())
+    found = tool_truth(np.tile(set_point, (PLATFORMS, 1)), turn, std, FO_SHIP, truth_spread())
     return found.position_mm, found.covariance[:3, :3]

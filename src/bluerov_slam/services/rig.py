@@ -12,6 +12,7 @@ import os
 import select
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -73,20 +74,28 @@ _LAST_SEQUENCE = 255
 Floats = NDArray[np.float64]
 
 
+Tap = Callable[[bytes, bool], None]
+"""Bytes of a link, and whether they went down it."""
+
+
 class Line:
     """One serial port, read with a time limit."""
 
-    def __init__(self, path: Path, baud: int) -> None:
-        """Raises LinkError."""
+    def __init__(self, path: Path, baud: int, tap: Tap = lambda _data, _down: None) -> None:
+        """`tap` is given all bytes and must not raise. Raises LinkError."""
         self.path = path
+        self._tap = tap
         self._descriptor = open_port(path, baud)
 
     def send(self, data: bytes) -> None:
         """All of it. Raises LinkError."""
+        self._tap(data, True)
         try:
             while data:
                 select.select([], [self._descriptor], [], ANSWER_WAIT_S)
                 data = data[os.write(self._descriptor, data) :]
+        except BlockingIOError as error:
+            raise LinkError(f"{self.path} takes no more: nothing reads at its other end") from error
         except OSError as error:
             raise LinkError(f"{self.path} is gone: {error.strerror}") from error
 
@@ -99,6 +108,8 @@ class Line:
             raise LinkError(f"{self.path} is gone: {error.strerror}") from error
         if ready and not data:
             raise LinkError(f"{self.path} is gone")
+        if data:
+            self._tap(data, False)
         return data
 
     def close(self) -> None:
@@ -345,12 +356,20 @@ def connected_alone(port: Path, say: Callable[[str], None]) -> Iterator[RigLink]
 
 
 @contextlib.contextmanager
-def connected(port: Path, receiver_port: Path, say: Callable[[str], None]) -> Iterator[RealRig]:
-    """A rig and its receiver on their serial ports, at home and allowed to move. Raises LinkError."""
+def connected(
+    port: Path,
+    receiver_port: Path,
+    say: Callable[[str], None],
+    tap: Callable[[str, bytes, bool], None] = lambda _whose, _data, _down: None,
+) -> Iterator[RealRig]:
+    """A rig and its receiver on their serial ports, at home and allowed to move. Raises LinkError.
+
+    `tap` is given all bytes of the link to the "rig" and to the "receiver", with whether they went down it.
+    """
     with contextlib.ExitStack() as open_lines:
         lines = []
-        for path, baud in ((port, RIG_BAUD), (receiver_port, RECEIVER_BAUD)):
-            lines.append(Line(path, baud))
+        for whose, path, baud in (("rig", port, RIG_BAUD), ("receiver", receiver_port, RECEIVER_BAUD)):
+            lines.append(Line(path, baud, partial(tap, whose)))
             open_lines.callback(lines[-1].close)
         rig = RealRig(RigLink(lines[0]), ReceiverLink(lines[1]), say)
         rig.ready()

@@ -46,11 +46,16 @@ def write_mcap(path: Path, records: Sequence[AcousticRecord], session: dict[str,
     log = McapLog(path, 0, {"wall_clock": "unknown", "wall_offset_ns": "0", **session})
     try:
         for record in records:
-            at_s = record.arrived_s
-            for chunk in record_chunks(record, round(record.measured_s * 1e6)):
-                frame = encode_frame(MessageType.ACOUSTIC_RECORD, pack_record_chunk(chunk))
-                at_s += len(frame) / _LINE_BYTES_PER_S
-                log.write_raw(frame, to_ns(at_s))
+            write_raw_record(log, record)
         log.flush()
     finally:
         log.finish()
+
+
+def write_raw_record(log: McapLog, record: AcousticRecord) -> None:
+    """The frames that the board would have sent of a record, at the pace of its line."""
+    at_s = record.arrived_s
+    for chunk in record_chunks(record, round(record.measured_s * 1e6)):
+        frame = encode_frame(MessageType.ACOUSTIC_RECORD, pack_record_chunk(chunk))
+        at_s += len(frame) / _LINE_BYTES_PER_S
+        log.write_raw(frame, to_ns(at_s))

@@ -120,6 +120,12 @@ class McapLog:
             return
         self._add(channel, data, to_ns(_stamp_s(record)))
 
+    def write_message(self, topic: str, encoding: str, data: bytes, mono_ns: int) -> None:
+        """A message of a topic that no dive has; the first one registers it."""
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, encoding, 0)
+        self._add(self._channels[topic], data, mono_ns)
+
     def flush(self) -> None:
         """Close the chunk and hand it to the kernel, whole or not at all. Raises OSError."""
         self._writer.flush()  # type: ignore[no-untyped-call]

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import orjson
 
 from bluerov_slam.rig.collection import Action, Close, Discard, Hold, Keep, Open, Point, Pressed
 from bluerov_slam.sinks.jsonl_log import JsonlLog
+from bluerov_slam.sinks.mcap_log import encode_record
 
 SUFFIX = ".jsonl"
 
@@ -30,12 +30,12 @@ class RigLogWriter:
 
     def take(self, action: Action, extra: dict[str, Any] | None = None) -> None:
         """Write what of an action belongs into the log; `extra` goes into a point's line. Raises OSError."""
-        content = _content(action)
+        content = action_json(action)
         if content is None:
             return
         stamp = None if self._clock is None else self._clock()
         line = {**content, **(extra or {}), "source": self._source, "t_unix": stamp}
-        self._log.write([orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE | orjson.OPT_SERIALIZE_NUMPY)])
+        self._log.write([encode_record(line) + b"\n"])
         self._log.flush()
 
     def close(self) -> None:
@@ -43,7 +43,8 @@ class RigLogWriter:
         self._log.close()
 
 
-def _content(action: Action) -> dict[str, Any] | None:
+def action_json(action: Action) -> dict[str, Any] | None:
+    """What of an action belongs into a log, in plain numbers; None where nothing does."""
     match action:
         case Open(session):
             return {
