@@ -1,5 +1,6 @@
 """The thesis's receiver behind a pseudo terminal, as far as the rig's computer sees it."""
 
+import contextlib
 import os
 import threading
 import time
@@ -47,7 +48,8 @@ class ReceiverThread(threading.Thread):
                 self.on_told()
                 time.sleep(0.35)  # the reply must have ended by silence
                 line = encode_result(ReceiverResult(PLACE, PLACE, PLACE, self.attitude_deg, (1426.0, 0.0, -694.0)))
-                os.write(self._master, b"12.0,xy" if len(self.told) in self.damaged else line)
+                with contextlib.suppress(OSError):  # the test may have ended meanwhile
+                    os.write(self._master, b"12.0,xy" if len(self.told) in self.damaged else line)
 
     def end(self):
         self._ended = True

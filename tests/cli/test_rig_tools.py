@@ -125,3 +125,42 @@ def test_tracking_looks_at_the_transmitter_or_says_what_is_left():
     assert "degrees are left" in run(rig_demo, "tracking", "--transmitter", "500,2000,-700")
     with pytest.raises(ConfigError, match="goes with tracking"):
         run(rig_demo, "tracking")
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "message"),
+    [
+        (rig_pose, ("--set-point", "0,0,0,400,0,0"), "angles are in degrees, -180 to 180"),
+        (rig_pose, ("--tool", "0.11,0,-0.648,0,0,0"), "in millimetres, not in metres"),
+        (rig_pose, ("--tool", "1e300,0,0,0,0,0"), "too far, expected at most 100000 mm"),
+        (rig_pose, ("--set-point", "0,0,0,0,0,0", "--attitude", "nan,0,0"), "not three numbers"),
+        (rig_pose, ("--set-point", "0,0,0,0,0,0", "--attitude", "1,2"), "not three numbers"),
+        (rig_pose, ("--set-point", "0,0,0,0,0,0", "--attitude", "900,0,0"), "angles are in degrees"),
+        (rig_workspace, ("--tool", "0.1,0,-0.6,0,0,0"), "not in metres"),
+        (rig_workspace, ("--sample", "2", "--csv", "/dev/full"), "No space left on device; give --csv another place"),
+        (rig_plan, ("--tool", "110,20,-650,5,3,2", "--csv", "/none/x.csv"), "give --csv another place"),
+        (rig_demo, ("circle", "--radius", "20"), "more than the rig can do: .*; give a smaller one"),
+        (rig_demo, ("tracking", "--transmitter", "nan,0,0"), "not three numbers"),
+        (rig_demo, ("tracking", "--transmitter", "1.4,0,-0.7"), "not in metres"),
+        (rig_demo, ("circle", "--csv", "/dev/full"), "give --csv another place"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_cure(module, arguments, message):
+    with pytest.raises(ConfigError, match=message):
+        run(module, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        (rig_plan, ("--tool", "110,20,-650,5,3,2", "--servo-speed", "nan")),
+        (rig_demo, ("circle", "--speed", "nan")),
+        (rig_demo, ("circle", "--radius", "nan")),
+        (rig_demo, ("circle", "--radius", "0")),
+        (rig_demo, ("circle", "--radius", "inf")),
+    ],
+)
+def test_an_option_that_is_no_number_is_a_wrong_option(module, arguments):
+    result = CliRunner().invoke(module.command, arguments)
+    assert result.exit_code == 2
+    assert "range" in result.output

@@ -73,5 +73,13 @@ def test_the_command_writes_the_table_as_json(tmp_path) -> None:
 def test_what_is_missing_or_unknown_is_told(tmp_path) -> None:
     told = CliRunner().invoke(cli, ["rig", "evaluate", "--cases", "R3", "--data", str(tmp_path)])
     assert "R3 is left out" in told.output
+    (tmp_path / "isbl_thesis").mkdir()
+    (tmp_path / "isbl_thesis" / "raw_logs.tar.gz").write_text("no archive")
+    damaged = CliRunner().invoke(cli, ["rig", "evaluate", "--cases", "R3", "--data", str(tmp_path)])
+    assert "a tar archive: file could not be opened successfully; fetch it again" in str(damaged.exception)
+    full = CliRunner().invoke(cli, ["rig", "evaluate", "--cases", "R6", "--json", "/dev/full"])
+    assert "Give --json another place" in str(full.exception)
+    for effort in ("nan", "inf", "1e9", "0"):
+        assert CliRunner().invoke(cli, ["rig", "evaluate", "--effort", effort]).exit_code == 2
     wrong = CliRunner().invoke(cli, ["rig", "evaluate", "--cases", "R99"])
     assert "R99 is none of R1" in str(wrong.exception)

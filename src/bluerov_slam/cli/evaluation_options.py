@@ -117,7 +117,13 @@ def tell(rows: Sequence[Row], json_file: Path | None) -> None:
     """The figures on the terminal and, if asked, in a file."""
     click.echo(as_text(rows))
     if json_file is not None:
-        json_file.write_text(json.dumps([row.as_json() for row in rows], indent=1) + "\n", encoding="utf-8")
+        try:
+            json_file.write_text(json.dumps([row.as_json() for row in rows], indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {json_file}: {error.strerror or error}; the table above is all that there is. "
+                "Give --json another place"
+            ) from error
     missed = [row.id for row in rows if row.met is False]
     click.echo(f"Not met: {', '.join(missed)}" if missed else "Every target is met")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -41,10 +42,13 @@ _MEDIA = {
 
 def three_numbers(text: str) -> tuple[float, float, float]:
     """Three numbers with commas. Raises ValueError."""
-    parts = text.split(",")
-    if len(parts) != 3:
+    try:
+        first, second, third = (float(part) for part in text.split(","))
+    except ValueError:
+        first = second = third = math.nan
+    if not (math.isfinite(first) and math.isfinite(second) and math.isfinite(third)):
         raise ValueError(f"'{text}' is not three numbers with commas")
-    return float(parts[0]), float(parts[1]), float(parts[2])
+    return first, second, third
 
 
 @click.command("simulate")

@@ -125,17 +125,17 @@ def _sessions(
     tests: str, transmitters: tuple[str, ...], motions: tuple[str, ...], fixes: int, passes: int
 ) -> list[tuple[int, Session]]:
     """With the number of the transmitter's place, from 1."""
-    from bluerov_slam.cli.isbl_simulate import three_numbers
-    from bluerov_slam.rig.collection import PUBLISHED_TESTS, Motion, PublishedTest, published_session
+    from bluerov_slam.cli.rig_numbers import transmitter_of
+    from bluerov_slam.rig.collection import PUBLISHED_TESTS, Motion, PublishedTest, published_session, session_name
 
     kinds = [Motion(name) for name in MOTIONS if not motions or name in motions]
     if transmitters:
         if tests:
             raise ConfigError("--tests names the published places, --transmitter others: give one of them")
-        try:
-            places = [three_numbers(text) for text in transmitters]
-        except ValueError as error:
-            raise ConfigError(f"--transmitter: {error}") from error
+        places = [transmitter_of(text) for text in transmitters]
+        named = [session_name(place, Motion.STATIONARY) for place in places]
+        if len(set(named)) < len(named):
+            raise ConfigError("--transmitter: two places are the same to the millimetre, by which logs are named")
         full = {"X": (20.0, -20.0), "Y": (20.0, -20.0), "Z": (64.0, -64.0)}
         turns = {"A": (24.0, -24.0), "B": (16.0, -8.0), "C": (16.0, -16.0)}
         chosen = [PublishedTest(number, place, full | turns) for number, place in enumerate(places, start=1)]

@@ -8,9 +8,10 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.cli.rig_numbers import pose_words, show_set_points, write_set_points
+from bluerov_slam.cli.finite_range import FiniteRange
+from bluerov_slam.cli.rig_numbers import pose_words, show_set_points, transmitter_of, write_set_points
 from bluerov_slam.cli.rig_real import announced, move_option, port_option
-from bluerov_slam.errors import CommandError, ConfigError
+from bluerov_slam.errors import CommandError, ConfigError, OutOfValidityError
 
 Floats = NDArray[np.float64]
 
@@ -22,14 +23,21 @@ CAREFUL = 0.2
 
 @click.command(name="demo", short_help="The thesis's demonstrations.")
 @click.argument("name", type=click.Choice(DEMOS))
-@click.option("--radius", "radius_deg", default=11.25, show_default=True, help="Of the circle, degrees of a platform.")
+@click.option(
+    "--radius",
+    "radius_deg",
+    default=11.25,
+    show_default=True,
+    type=FiniteRange(0.0, 45.0, min_open=True),
+    help="Of the circle, degrees of a platform.",
+)
 @click.option("--turns", default=1, show_default=True, type=click.IntRange(1, 100), help="Of the circle.")
 @click.option("--transmitter", metavar="X,Y,Z", help="For tracking: its place in the rig's frame, mm.")
 @click.option("--csv", "csv_file", type=click.Path(dir_okay=False, path_type=Path), help="Set points in time.")
 @click.option(
     "--speed",
     "share",
-    type=click.FloatRange(0.02, 1.0),
+    type=FiniteRange(0.02, 1.0),
     help=f"Share of the servos' speed [default: 1, {CAREFUL:g} with --port].",
 )
 @port_option
@@ -65,7 +73,14 @@ def command(
     if share is None:
         share = 1.0 if port is None else CAREFUL
     # Calculated at the servos' whole speed and played slower: the path stays the same, forces fall with the square.
-    way = smooth_path(waypoints, FO_SHIP, step_s=share * (TABLE_STEP_S if port is None else STEP_S))
+    try:
+        way = smooth_path(waypoints, FO_SHIP, step_s=share * (TABLE_STEP_S if port is None else STEP_S))
+    except OutOfValidityError as error:
+        if name != "circle":
+            raise
+        raise ConfigError(
+            f"--radius {radius_deg:g} is more than the rig can do: {error}; give a smaller one"
+        ) from error
     times_s = way.times_s / share
     places = stack_pose(way.set_points, FO_SHIP).position_mm
     spans = ", ".join(
@@ -101,16 +116,11 @@ def _move(port: Path, set_points: Floats, waypoints: Floats) -> None:
 
 def _tracking(transmitter: str) -> Floats:
     """From home to where the array looks at the transmitter."""
-    from bluerov_slam.cli.isbl_simulate import three_numbers
     from bluerov_slam.rig.demo import track_transmitter
     from bluerov_slam.rig.dimensions import FO_SHIP
     from bluerov_slam.rig.stack import stack_pose
 
-    try:
-        place = np.array(three_numbers(transmitter))
-    except ValueError as error:
-        raise ConfigError(f"--transmitter: {error}") from error
-    found = track_transmitter(place)
+    found = track_transmitter(np.array(transmitter_of(transmitter)))
     show_set_points(found.set_points)
     click.echo(f"Tool: {pose_words(stack_pose(found.set_points, FO_SHIP))}")
     if found.limit is None:

@@ -17,6 +17,7 @@ from bluerov_slam.cli.evaluation_options import (
     wanted_cases,
     warn_of_tuning_seeds,
 )
+from bluerov_slam.cli.finite_range import FiniteRange
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,11 +26,15 @@ if TYPE_CHECKING:
     from bluerov_slam.evaluation.navigation_table import Row
     from bluerov_slam.evaluation.rig_cases import RigCase
 
+LARGEST_EFFORT = 10.0
+"""More poses at once than this machine's memory is sure to hold."""
 THESIS_LOGS = Path("isbl_thesis") / "raw_logs.tar.gz"
 
 
 @click.command(name="evaluate", short_help="Measure how good the rig's tools are.")
-@click.option("--effort", default=1.0, show_default=True, type=click.FloatRange(0.0, min_open=True), help="Of draws.")
+@click.option(
+    "--effort", default=1.0, show_default=True, type=FiniteRange(0.0, LARGEST_EFFORT, min_open=True), help="Of draws."
+)
 @click.option("--seed", default=DEFAULT_BASE, show_default=True, type=click.IntRange(0), help="Below 100: for tuning.")
 @click.option("--cases", default="", help="Some of the cases, as R1,R2; all by default.")
 @json_option

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 FORM = "X,Y,Z,ROLL,PITCH,YAW"
 AIMS = ("least_motion", "conditioning", "margin")
+LARGEST_DEG = 180.0
+METRES_MM, FURTHEST_MM = 20.0, 100_000.0
+"""Less than the first is a place in metres: neither the tool nor a transmitter can be in the rig's foot."""
 _AXES = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
 
 
@@ -31,6 +34,8 @@ def six_numbers(text: str, what: str) -> Array:
         values = np.full(0, np.nan)
     if values.shape != (6,) or not np.isfinite(values).all():
         raise ConfigError(f"{what} '{text}': six numbers with commas are expected, {FORM} in mm and degrees")
+    if np.abs(values[3:]).max() > LARGEST_DEG:
+        raise ConfigError(f"{what} '{text}': angles are in degrees, -{LARGEST_DEG:g} to {LARGEST_DEG:g}")
     values[3:] = np.radians(values[3:])
     return values
 
@@ -51,7 +56,40 @@ def pose_of(text: str, what: str = "--tool") -> StackPose:
     from bluerov_slam.rig.stack import StackPose
 
     values = six_numbers(text, what)
+    _check_place(values[:3], f"{what} '{text}'")
     return StackPose(values[:3], rotations(values[None, 3:])[0])
+
+
+def transmitter_of(text: str) -> tuple[float, float, float]:
+    """Place of a transmitter in the rig's frame, mm. Raises ConfigError."""
+    place = _three(text, "--transmitter")
+    _check_place(np.array(place), f"--transmitter '{text}'")
+    return place
+
+
+def attitude_of(text: str) -> Array:
+    """Roll, pitch, yaw (3,) in rad of a text in degrees. Raises ConfigError."""
+    values = np.array(_three(text, "--attitude"))
+    if np.abs(values).max() > LARGEST_DEG:
+        raise ConfigError(f"--attitude '{text}': angles are in degrees, -{LARGEST_DEG:g} to {LARGEST_DEG:g}")
+    return np.asarray(np.radians(values))
+
+
+def _three(text: str, what: str) -> tuple[float, float, float]:
+    from bluerov_slam.cli.isbl_simulate import three_numbers
+
+    try:
+        return three_numbers(text)
+    except ValueError as error:
+        raise ConfigError(f"{what}: {error}") from error
+
+
+def _check_place(place_mm: Array, what: str) -> None:
+    largest = float(np.abs(place_mm).max())
+    if largest < METRES_MM:
+        raise ConfigError(f"{what}: this place lies in the rig's foot; x, y and z are in millimetres, not in metres")
+    if largest > FURTHEST_MM:
+        raise ConfigError(f"{what}: {largest:g} mm is too far, expected at most {FURTHEST_MM:g} mm from the foot")
 
 
 def euler_deg(rotation: Array) -> Array:
@@ -94,4 +132,4 @@ def write_csv(path: Path, heads: Sequence[str], table: Array) -> None:
     try:
         np.savetxt(path, table, fmt="%.6g", delimiter=",", header=",".join(heads), comments="")
     except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+        raise ConfigError(f"cannot write {path}: {error.strerror or error}; give --csv another place") from error

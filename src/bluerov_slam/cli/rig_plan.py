@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+from bluerov_slam.cli.finite_range import FiniteRange
 from bluerov_slam.cli.rig_numbers import AIMS, FORM, pose_of, pose_words, show_set_points, write_set_points
 from bluerov_slam.cli.rig_pose import UnreachableError
 
@@ -17,7 +18,7 @@ from bluerov_slam.cli.rig_pose import UnreachableError
 )
 @click.option("--aim", type=click.Choice(AIMS), default="least_motion", show_default=True)
 @click.option(
-    "--servo-speed", "speed_radps", default=5.0, show_default=True, type=click.FloatRange(0.01, 50.0), help="rad/s."
+    "--servo-speed", "speed_radps", default=5.0, show_default=True, type=FiniteRange(0.01, 50.0), help="rad/s."
 )
 @click.option("--csv", "csv_file", type=click.Path(dir_okay=False, path_type=Path), help="Set points in time.")
 def command(tools: tuple[str, ...], aim: str, speed_radps: float, csv_file: Path | None) -> None:

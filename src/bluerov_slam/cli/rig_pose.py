@@ -8,7 +8,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from bluerov_slam.cli.rig_numbers import AIMS, FORM, pose_of, pose_words, show_set_points, stack_of
+from bluerov_slam.cli.rig_numbers import AIMS, FORM, attitude_of, pose_of, pose_words, show_set_points, stack_of
 from bluerov_slam.errors import ConfigError, ExpectedError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def command(set_points: tuple[str, ...], tool: str | None, aim: str, attitude: s
         _plan(tool, aim)
         return
     points = stack_of(set_points, "--set-point")
-    _tell(points, attitude)
+    _tell(points, None if attitude is None else attitude_of(attitude))
 
 
 def _plan(tool: str, aim: str) -> None:
@@ -61,7 +61,7 @@ def _plan(tool: str, aim: str) -> None:
         raise UnreachableError("the pose itself is out of reach; shown is the nearest that is not")
 
 
-def _tell(points: Array, attitude: str | None) -> None:
+def _tell(points: Array, attitude_rad: Array | None) -> None:
     from bluerov_slam.rig.dimensions import FO_SHIP
     from bluerov_slam.rig.stack import stack_pose
     from bluerov_slam.rig.uncertainty import pose_covariance
@@ -77,8 +77,8 @@ def _tell(points: Array, attitude: str | None) -> None:
     show_set_points(points)
     pose = stack_pose(points, FO_SHIP)
     covariance = pose_covariance(points, FO_SHIP, logged_spread())
-    if attitude is not None:
-        pose, covariance = _mended(points, attitude)
+    if attitude_rad is not None:
+        pose, covariance = _mended(points, attitude_rad)
     std = np.sqrt(np.diag(covariance))
     click.echo(f"Tool: {pose_words(pose)}")
     click.echo(
@@ -88,9 +88,8 @@ def _tell(points: Array, attitude: str | None) -> None:
     )
 
 
-def _mended(points: Array, attitude: str) -> tuple[StackPose, Array]:
+def _mended(points: Array, attitude_rad: Array) -> tuple[StackPose, Array]:
     """Pose and covariance with the attitude that was measured on the tool."""
-    from bluerov_slam.cli.isbl_simulate import three_numbers
     from bluerov_slam.geometry.platform_stack import rotations
     from bluerov_slam.rig.collection_truth import LEVEL_STD_RAD, YAW_STD_RAD
     from bluerov_slam.rig.dimensions import FO_SHIP
@@ -98,12 +97,8 @@ def _mended(points: Array, attitude: str) -> tuple[StackPose, Array]:
     from bluerov_slam.rig.tool_truth import tool_truth
     from bluerov_slam.rig.validation import logged_spread
 
-    try:
-        measured = np.radians(three_numbers(attitude))
-    except ValueError as error:
-        raise ConfigError(f"--attitude: {error}") from error
     std = np.array((LEVEL_STD_RAD, LEVEL_STD_RAD, YAW_STD_RAD))
-    found = tool_truth(points, rotations(measured[None])[0], std, FO_SHIP, logged_spread())
+    found = tool_truth(points, rotations(attitude_rad[None])[0], std, FO_SHIP, logged_spread())
     if found.surprise > CHI2_999_3DOF:
         click.echo(
             f"The attitude is far from what was set (chi-square {found.surprise:.0f} of three): "

@@ -70,6 +70,8 @@ PAUSE_LIMIT_S = 3600.0
 AT_HOME = 1e-3
 """Set points (mm, rad) nearer to home than this are home."""
 _LAST_SEQUENCE = 255
+_GONE = "plug it in again; a rig that moved has stopped by itself, and its button sends it home"
+_NO_ANSWER = "is it switched on, and is this its port? One that moved has stopped by itself"
 
 Floats = NDArray[np.float64]
 
@@ -97,7 +99,7 @@ class Line:
         except BlockingIOError as error:
             raise LinkError(f"{self.path} takes no more: nothing reads at its other end") from error
         except OSError as error:
-            raise LinkError(f"{self.path} is gone: {error.strerror}") from error
+            raise LinkError(f"{self.path} is gone ({error.strerror}): {_GONE}") from error
 
     def read(self, wait_s: float) -> bytes:
         """What comes within a time; empty where nothing does. Raises LinkError."""
@@ -105,9 +107,9 @@ class Line:
             ready, _, _ = select.select([self._descriptor], [], [], max(0.0, wait_s))
             data = os.read(self._descriptor, 4096) if ready else b""
         except OSError as error:
-            raise LinkError(f"{self.path} is gone: {error.strerror}") from error
+            raise LinkError(f"{self.path} is gone ({error.strerror}): {_GONE}") from error
         if ready and not data:
-            raise LinkError(f"{self.path} is gone")
+            raise LinkError(f"{self.path} is gone: {_GONE}")
         if data:
             self._tap(data, False)
         return data
@@ -129,14 +131,14 @@ class RigLink:
         """Where the rig is. Raises LinkError where it does not answer."""
         answer = self._command(encode_where)
         if not isinstance(answer, RigState):
-            raise LinkError(f"the rig at {self._line.path} does not answer")
+            raise LinkError(f"the rig at {self._line.path} does not answer: {_NO_ANSWER}")
         return answer
 
     def begin(self, set_points: Floats, steps: int) -> RigAck:
         """Set out for set points (4, 6) in steps of 50 ms, from where the rig is; whether it does. Raises LinkError."""
         answer = self._command(lambda sequence: encode_move(sequence, set_points, steps))
         if not isinstance(answer, RigAck):
-            raise LinkError(f"the rig at {self._line.path} does not answer")
+            raise LinkError(f"the rig at {self._line.path} does not answer: {_NO_ANSWER}")
         return answer
 
     def stop(self) -> None:
@@ -173,7 +175,9 @@ class RigLink:
         until = self._now() + max(0, state.steps - state.steps_done) * STEP_S + MOVE_GRACE_S
         while state.mode == RigMode.MOVING and state.steps - state.steps_done > left:
             if self._now() > until:
-                raise LinkError(f"the rig at {self._line.path} says that it moves, but comes no further")
+                raise LinkError(
+                    f"the rig at {self._line.path} says that it moves, but comes no further: switch it off and on"
+                )
             self._listen(FOLLOW_S)
             state = self.where()
             seen(state)

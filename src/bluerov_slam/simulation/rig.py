@@ -64,10 +64,11 @@ class ServoFault:
         except (IndexError, ValueError):
             kind, platform, servo, angle = "", -1, -1, 0.0
         wanted = {"stuck": 2, "offset": 3}.get(kind)
-        if wanted != len(numbers) or not 0 <= platform < 4 or not 0 <= servo < LEGS:
+        whole_turn = abs(angle) <= math.pi  # NaN is not within it
+        if wanted != len(numbers) or not 0 <= platform < 4 or not 0 <= servo < LEGS or not whole_turn:
             raise ConfigError(
                 f"'{text}' is no fault of a servo; expected 'stuck PLATFORM SERVO' or 'offset PLATFORM SERVO DEGREES', "
-                f"platforms 0 to 3 from the base, servos 0 to {LEGS - 1}"
+                f"platforms 0 to 3 from the base, servos 0 to {LEGS - 1}, degrees -180 to 180"
             )
         return cls(kind, platform, servo, angle)
 

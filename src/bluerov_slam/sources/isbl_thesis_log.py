@@ -82,7 +82,11 @@ def read_thesis_archive(content: bytes, name: str = "the archive") -> ThesisLogs
                 if (file := archive.extractfile(member)) is not None
             ]
     except (OSError, tarfile.TarError) as error:
-        raise RecordingError(f"{name}: cannot be read as logs of the thesis: {error}") from error
+        # The archive's own words are a line for each way in which it was tried.
+        why = str(error).partition("\n")[0].rstrip(":")
+        raise RecordingError(
+            f"{name}: cannot be read as logs of the thesis, a tar archive: {why}; fetch it again"
+        ) from error
     return _parsed(texts, name)
 
 
