@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT, WRONG_TEXT
+from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT
 from bluerov_slam.protocol.navigation_json import error_ellipse
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ _REFUSALS: Final = (
         "Two transmitters are on, or a strong echo comes from a wall: switch one off, or move away from it.",
     ),
     (
-        WRONG_TEXT,
+        "the sound does not come from",  # WRONG_TEXT, and where another order of the receivers would put it right
         "not from the beacon's place",
         "Another transmitter is heard, or a setting is wrong: its place, the array's mounting, the receivers' order.",
     ),

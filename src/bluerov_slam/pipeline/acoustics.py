@@ -17,7 +17,7 @@ from bluerov_slam.acoustics.message.demodulation import demodulate
 from bluerov_slam.acoustics.receiver_faults import SwapWatch
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.pipeline.acoustic_beacon import Beacons
-from bluerov_slam.pipeline.acoustic_callers import TWO_TEXT, Callers
+from bluerov_slam.pipeline.acoustic_callers import LARGEST_STD_RAD, TWO_TEXT, Callers
 from bluerov_slam.pipeline.acoustic_delays import (
     count_mismatch,
     differences_of,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bluerov_slam.acoustics.time_differences.result import TimeDifferences
+    from bluerov_slam.pipeline.acoustic_callers import Expected
     from bluerov_slam.pipeline.acoustic_position import Pose
     from bluerov_slam.records import Record
 
@@ -150,9 +151,8 @@ class AcousticPipeline:
         if pose is not None:
             direction = pose.rotation_ned_frd @ direction
             expected = expected_of(pose, self._beacons.at(fix.arrived_s), options)
-            if pairs := self._exchanged(fix, pose):
-                names = " or ".join(f"{first} and {second}" for first, second in pairs)
-                return f"receivers {names} seem exchanged; {EXCHANGED_CURE}"
+            if exchanged := self._exchanged(fix, pose, expected):
+                return f"{exchanged}; {EXCHANGED_CURE}"
         message = self._message
         if message is not None and abs(message.measured_s - fix.measured_s) > SAME_PULSE_S:
             message = None
@@ -165,16 +165,18 @@ class AcousticPipeline:
                 self._beacons.hear(callers.ours.message)
         return held
 
-    def _exchanged(self, fix: AcousticFix, pose: Pose) -> tuple[tuple[int, int], ...]:
-        """Receivers on opposite corners whose exchange the directions betray."""
+    def _exchanged(self, fix: AcousticFix, pose: Pose, expected: Expected | None) -> str:
+        """Receivers in another order, whom the directions betray."""
         array = self.options.array
         if len(fix.receivers) != len(array) or self._callers.two:
-            return ()
+            return ""
         arrivals_s = np.zeros(len(array))
         arrivals_s[list(fix.receivers[1:])] = -np.array(fix.delays_s)
         return self._order.hear(
+            fix.measured_s,
             arrivals_s * fix.sound_speed_mps,
             pose.rotation_ned_frd @ self.options.mounting.rotation_frd_array,
+            expected if expected is not None and expected.std_rad < LARGEST_STD_RAD else None,
         )
 
     def _hear(self, message: AcousticMessage) -> None:
