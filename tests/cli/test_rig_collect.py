@@ -10,11 +10,13 @@ from click.testing import CliRunner
 
 from bluerov_slam.cli.main import cli
 from bluerov_slam.cli.rig_collect import command
-from bluerov_slam.errors import ConfigError, LinkError
+from bluerov_slam.errors import ConfigError, LinkError, RecordingError
+from bluerov_slam.protocol.rig_link import RigMode
 from bluerov_slam.services import rig as service
 from bluerov_slam.sources.acoustic_records import read_acoustic_records
 from bluerov_slam.sources.isbl_thesis_log import LineKind, parse_thesis_log
 from bluerov_slam.sources.recording_reader import open_recording
+from full_disk import largest_file
 from receiver_thread import ReceiverThread
 from rig_process import RigProcess
 
@@ -121,6 +123,14 @@ def test_the_same_lean_untold_ends_the_collection(bench, tmp_path):
     with pytest.raises(ConfigError, match="no point was collected"):
         run(tmp_path / "out", *options, "--fixes", 5)
     assert "pitch is 10.0 degrees" in points_of(tmp_path / "out" / f"{NAME}.mcap")[0]["missing"]
+
+
+def test_a_disk_that_takes_no_more_ends_it_with_the_rig_held(bench, tmp_path):
+    process, _, options = bench
+    with largest_file(3000), pytest.raises(RecordingError, match=r"Free space, .* The rig holds where it is"):
+        run(tmp_path / "out", *options, "--fixes", 9)
+    assert process.where().mode == RigMode.READY
+    assert list((tmp_path / "out").glob("*.log"))
 
 
 def test_a_port_that_goes_away_leaves_a_report_of_what_there_is(bench, tmp_path):

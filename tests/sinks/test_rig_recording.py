@@ -1,8 +1,6 @@
 """The files of a session with the rig: what the readers of the product make of them, and a disk that takes no more."""
 
-import resource
 from collections import Counter
-from contextlib import contextmanager
 
 import numpy as np
 import orjson
@@ -17,6 +15,7 @@ from bluerov_slam.sinks.rig_session import SIMULATED, RigSessionFiles
 from bluerov_slam.sources.acoustic_records import read_acoustic_records
 from bluerov_slam.sources.isbl_thesis_log import parse_thesis_log
 from bluerov_slam.sources.recording_reader import open_recording
+from full_disk import largest_file
 
 SESSION = Session("s", (1426.0, 0.0, -694.0), Motion.RAPID, {"Z": (8.0, 0.0)}, "Z")
 COVARIANCE = (4.0 * np.eye(6))[:3, :3]  # part of a larger one, as `rig/collection_truth.py` gives it
@@ -123,14 +122,3 @@ def test_a_disk_that_takes_no_more_is_said_and_leaves_what_was_whole(tmp_path):
     assert len(messages(tmp_path / "s.mcap", POINT_TOPIC)) >= 1
     first = orjson.loads((tmp_path / "s.jsonl").read_bytes().splitlines()[1])
     assert first["raw_mm"] == [3.0] * 3
-
-
-@contextmanager
-def largest_file(size):
-    """No file of this process can grow beyond this size, as if the disk were full."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

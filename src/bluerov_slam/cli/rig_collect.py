@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from pathlib import Path
@@ -256,6 +257,8 @@ def _real(
             reason = rig.run(Collection(plan, truth_of, reachable), logs.take)
     except KeyboardInterrupt:
         reason = "stopped by Ctrl-C"
+    except RecordingError as error:
+        raise RecordingError(f"{error}. The rig holds where it is; its button sends it home") from error
     except LinkError as error:
         if not logs.points:
             raise
@@ -294,7 +297,12 @@ class _Logs:
             where = f"{point.session} {point.number}: {point.axis} {point.label:g}"
             click.echo(f"{where}: {point.missing or 'collected'}", err=bool(point.missing))
         if self._open is not None:
-            self._open.take(action, time.monotonic())
+            try:
+                self._open.take(action, time.monotonic())
+            except RecordingError:
+                with contextlib.suppress(RecordingError):  # the same once more
+                    self.close()
+                raise
         if isinstance(action, Close):
             self.close()
 
