@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 STAMPS := .stamps
 PYTHON_CODE := src tests bench firmware
 RUN_ARGS ?=
+# Under `make -j` a make inside takes its share of the jobs.
+TWO_JOBS = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j2)
 # These tests drive real browsers and processes on a machine that others share: one that fails is repeated once. A test
 # that had to be repeated is printed by name as "RERUN" and is a race to be mended, not accepted.
 RERUNS ?= --reruns 1 -rfER
@@ -14,9 +16,11 @@ export RERUNS
 # Small matrices: threads below NumPy only wait for each other, and the tests run on every core as it is.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+# Bytecode is kept whatever the surroundings say: else each of hundreds of test processes compiles all that it imports.
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup test-python test-js test-browser \
-	firmware firmware-test
+.PHONY: run test test-long check format bench clean lock setup python-setup web-setup system-setup collect test-python test-js \
+	test-browser firmware firmware-test firmware-cpp firmware-xtensa
 
 run: python-setup web-setup ## set everything up and start the whole system on a virtual ESP32
 	@if command -v $(CXX) >/dev/null; then $(MAKE) --no-print-directory -s firmware || echo "The native firmware could not be built"; \
@@ -59,25 +63,39 @@ format: python-setup web-setup
 	$(BIN)/ruff check --fix $(PYTHON_CODE)
 	npm run --silent format
 
-test: setup check firmware-test test-python test-js test-browser ## everything that must hold, in under ten minutes
+# What computes shares the processors, each part's words in one piece; then come the tests that mostly wait.
+test: ## everything that must hold, in under ten minutes
+	$(MAKE) --no-print-directory -j2 --output-sync=target check firmware-cpp firmware-xtensa collect test-js
+	$(MAKE) --no-print-directory test-python
+	$(MAKE) --no-print-directory test-browser
 
-test-python:
-	$(BIN)/pytest $(RERUNS) -n 2 -m "not browser and not long" --ignore=tests/firmware
+# Every test can be found. Its bytecode is made here once, not by each worker of test-python.
+collect: python-setup
+	@found=$$($(BIN)/pytest --collect-only -q 2>&1) || { echo "$$found"; exit 1; }; tail -1 <<<"$$found"
 
-test-js:
+# More workers than processors: these tests wait for pseudo-terminals, sockets and timers most of their time.
+test-python: setup
+	$(BIN)/pytest $(RERUNS) -n 4 --dist worksteal -m "not browser and not long"
+
+test-js: web-setup
 	npm run --silent test
 
-test-browser:
-	$(BIN)/pytest -n 2 --dist loadfile $(RERUNS) -m "browser and not long" tests/browser
+test-browser: setup
+	$(BIN)/pytest -n 3 --dist loadfile $(RERUNS) -m "browser and not long" tests/browser
 
 firmware: ## the board's own program for this machine: firmware/build/brov-firmware
-	$(MAKE) -s -j2 -C firmware native
+	$(MAKE) -s $(TWO_JOBS) -C firmware native
 
-firmware-test: setup ## the firmware's core under sanitizers, with the same bytes as Python's, and as Xtensa code
-	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -s -j2 -C firmware native test; \
-	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
+firmware-test: firmware-cpp firmware-xtensa ## the firmware's core under sanitizers, with the same bytes as Python's, and as Xtensa code
 	$(BIN)/pytest $(RERUNS) -n 2 -m "not long" tests/firmware
-	firmware/xtensa/try_all
+
+firmware-cpp: system-setup
+	@if [ -e /usr/include/doctest/doctest.h ] && command -v $(CXX) >/dev/null; then $(MAKE) -s $(TWO_JOBS) -C firmware native test; \
+	else echo "SKIP: no $(CXX) or no doctest: the firmware's own tests are skipped (cure: apt-get install g++ doctest-dev)"; fi
+
+# After firmware-cpp, with which it shares object files.
+firmware-xtensa: setup firmware-cpp
+	MAKEFLAGS= firmware/xtensa/try_all
 
 test-long: setup ## image build and run, armv7 install, long fuzzing and soak
 	scripts/test-long

@@ -293,13 +293,18 @@ def test_the_page_outlives_a_restart_of_the_extension(system: RunningSystem, ope
     def follow(socket: WebSocket) -> None:
         socket.on("framereceived", lambda _: heard.append(socket) if socket not in heard else None)
 
+    def extensions() -> list[psutil.Process]:
+        children = psutil.Process(system.process.pid).children()
+        return [child for child in children if "extension" in child.cmdline()]
+
     page = open_page(system.dashboard, prepare=lambda page: page.on("websocket", follow))
     live(page)
-    children = psutil.Process(system.process.pid).children()
-    (extension,) = [child for child in children if "extension" in child.cmdline()]
+    until(page, lambda: heard)  # told to this test a little after the page has heard it
+    (killed,) = extensions()
     before = len(heard)
-    extension.send_signal(signal.SIGKILL)
+    killed.send_signal(signal.SIGKILL)
     until(page, lambda: len(heard) > before)
+    assert killed not in extensions(), "only a new one can have been heard"
     live(page)
     expect(page.locator("#panel-live .card.stale")).to_have_count(0)
 

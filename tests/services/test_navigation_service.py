@@ -17,6 +17,7 @@ from bluerov_slam.records import NavState, SensorSample
 from bluerov_slam.services.extension import Extension
 from bluerov_slam.services.navigation_api import KINDS
 from bluerov_slam.services.settings_store import SettingsStore
+from bluerov_slam.simulation import sensors
 from bluerov_slam.sources.recording_reader import open_recording
 from bluerov_slam.sources.replay import ReplaySource, decoder_for
 from fake_autopilot import fly
@@ -30,6 +31,12 @@ PLAUSIBLE = "plausible_navigator:PlausibleNavigator"
 @pytest.fixture(autouse=True)
 def importable(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+
+
+@pytest.fixture(autouse=True)
+def early_fix(monkeypatch):
+    """A GPS receiver that finds itself at once: how long one takes is the simulator's affair, and shown there."""
+    monkeypatch.setattr(sensors, "FIRST_FIX_S", 0.5)
 
 
 async def aided(running):
@@ -76,7 +83,7 @@ async def test_states_reach_the_page_the_api_and_the_metrics(tmp_path):
 
 async def test_the_water_that_the_vehicle_went_through_is_told(tmp_path):
     async with (
-        running_simulator(tmp_path),
+        running_simulator(tmp_path, mission_start_s=17.0),  # afloat for three seconds more
         running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
     ):
         assert (await running.get("/api/navigation/water"))["nodes"] == []
@@ -95,8 +102,9 @@ async def test_a_crash_of_the_estimator_takes_nothing_else_down(tmp_path):
         running_extension(tmp_path / "state", port=serial_port(tmp_path), navigator=PLAUSIBLE) as running,
     ):
         await aided(running)
+        saved = tmp_path / "state" / "navigation.json"
         async with asyncio.timeout(PATIENCE_S):
-            while b'"position_known":true' not in (tmp_path / "state" / "navigation.json").read_bytes():
+            while not saved.exists() or b'"position_known":true' not in saved.read_bytes():
                 await asyncio.sleep(0.05)
         frames = (await running.get("/health"))["frames"]
         os.kill(running.extension.navigation.process.facts().pid, signal.SIGKILL)

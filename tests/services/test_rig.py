@@ -65,7 +65,8 @@ def test_a_session_moves_the_real_firmware_and_keeps_its_points(bench):
     np.testing.assert_allclose(state.set_points, 0.0, atol=1e-6)
 
 
-def test_a_receiver_that_falls_silent_stops_everything(bench):
+def test_a_receiver_that_falls_silent_stops_everything(bench, monkeypatch):
+    monkeypatch.setattr(service, "REPLY_WAIT_S", 0.1)  # nothing comes however long it waits
     process, receiver, rig, said = bench
     receiver.deaf = True
     actions = []

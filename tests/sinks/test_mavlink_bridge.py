@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from bluerov_slam.pipeline.health import Fault, FaultLevel
 from bluerov_slam.records import ImuBurst, VehicleAttitude, VehicleBattery, VehicleMotionDelta
+from bluerov_slam.sinks import mavlink_bridge
 from bluerov_slam.sinks.mavlink_bridge import MavlinkBridge, MavlinkOptions
 from bluerov_slam.sinks.mavlink_transport import wanted_frames
 from free_ports import free_port
@@ -69,7 +70,8 @@ def clock():
 
 
 @pytest.fixture
-async def make_bridge(router, clock):
+async def make_bridge(router, clock, monkeypatch):
+    monkeypatch.setattr(mavlink_bridge, "HEARTBEAT_PERIOD_S", 0.02)  # the first is sent before there is a socket
     bridges, records = [], []
 
     async def make(**options):
