@@ -71,7 +71,7 @@ test: ## everything that must hold, in under ten minutes
 
 # Every test can be found. Its bytecode is made here once, not by each worker of test-python.
 collect: python-setup
-	@found=$$($(BIN)/pytest --collect-only -q 2>&1) || { echo "$$found"; exit 1; }; tail -1 <<<"$$found"
+	@found=$$($(BIN)/pytest --collect-only 2>&1) || { echo "$$found"; exit 1; }; tail -1 <<<"$$found"
 
 # More workers than processors: these tests wait for pseudo-terminals, sockets and timers most of their time.
 test-python: setup
