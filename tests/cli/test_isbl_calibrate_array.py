@@ -75,3 +75,20 @@ def test_the_report_says_what_was_told_and_what_was_not(tmp_path: Path) -> None:
     again, refused = calibrate(file, "--report", report)
     assert again != 0
     assert "--force" in refused
+
+
+def test_records_without_a_whole_pulse_are_refused_with_the_reason(tmp_path: Path) -> None:
+    file, _ = simulated(tmp_path)
+    with np.load(file) as content:
+        held = dict(content)
+    dead = held["samples"].copy()
+    dead[:, 2] = 5
+    for change, what in (
+        ({"samples": dead}, "receiver 2 left out: dead: stands still at 5 counts (40 records)"),
+        ({"sample_rate_hz": np.float64(50e3)}, "50000 samples a second cannot hold a carrier"),
+        ({"samples": held["samples"][:, :, :200]}, "short: the record lasts"),
+    ):
+        np.savez(file, **(held | change))
+        code, said = calibrate(file, "--thesis-skew")
+        assert code != 0
+        assert what in said

@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,55 @@ def test_the_surface_is_highest_where_the_source_is() -> None:
     assert (near.right[column], near.down[row]) == pytest.approx(expected[1:], abs=0.004)
     # A coarse map misses no peak: its cells hold the best within them.
     assert np.nanmax(surface.agreement) == pytest.approx(np.nanmax(near.agreement), abs=0.02)
+
+
+def spoilt(tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], **others: object) -> Path:
+    """Two records of five receivers, 25 m away in the sea, with their samples changed."""
+    file = simulated(tmp_path, "--records", "2", "--fifth", "--source", "20,5,8")
+    with np.load(file) as content:
+        held = dict(content)
+    held["samples"] = np.round(change(held["samples"].astype(float))).astype(np.int16)
+    np.savez(file, **(held | others))
+    return file
+
+
+def muted(samples: np.ndarray, *receivers: int) -> np.ndarray:
+    samples[:, receivers] = 5.0
+    return samples
+
+
+@pytest.mark.parametrize(
+    ("change", "others", "words"),
+    [
+        (lambda s: muted(s, 2), {}, ["receiver 2 left out: dead", "azimuth 1"]),
+        (lambda s: muted(s, 2, 3, 4), {}, ["receivers 2, 3 and 4 left out: dead", "fewer than three receivers"]),
+        (lambda s: np.clip(30.0 * s, -2048, 2047), {}, ["used in spite of this: clipped", "azimuth 1"]),
+        (lambda s: s[:, [1, 0, 2, 3, 4]], {}, ["receivers 0 and 1 or 2 and 3 seem exchanged", "fewer than three"]),
+        (lambda s: s, {"sample_rate_hz": np.float64(50e3)}, ["sample rate: 50000 samples a second cannot hold"]),
+        (lambda s: s, {"sample_rate_hz": np.float64(425_700.0)}, ["not sampled at 425700 Hz, more like 84"]),
+        (lambda s: s[:, :, :200], {}, ["short: the record lasts 0.23 ms"]),
+        (
+            lambda s: np.random.default_rng(0).normal(0.0, 30.0, s.shape),
+            {},
+            ["receivers 0, 1, 2, 3 and 4 left out: silent", "fewer than two receivers heard a pulse"],
+        ),
+    ],
+    ids=["dead", "three dead", "clipped", "exchanged", "no rate", "half the rate", "short", "out of range"],
+)
+def test_what_cannot_be_used_is_named_with_its_reason(
+    tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], others: dict[str, object], words: list[str]
+) -> None:
+    code, said = solve(spoilt(tmp_path, change, **others), "--fifth", "--sound-speed", 1500.0)
+    assert code == 0, said
+    for line in [each for each in said.splitlines() if each.startswith("record ")]:
+        assert all(word in line for word in words), line
+
+
+def test_a_depth_or_a_range_that_contradicts_the_angles_leaves_the_direction(tmp_path: Path) -> None:
+    file = spoilt(tmp_path, lambda samples: samples)
+    for option, what in (("--depth", "depth"), ("--range", "range")):
+        code, said = solve(file, "--fifth", option, "3,0.01" if what == "range" else "-40,0.05")
+        assert code == 0, said
+        assert said.count(f"the {what} contradicts the angles") == 2
+        assert said.count("azimuth 1") == 2
+        assert " at " not in said

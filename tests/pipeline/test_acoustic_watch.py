@@ -64,6 +64,28 @@ def test_a_receiver_that_stays_silent_is_named_with_its_cure() -> None:
 
 
 @pytest.mark.parametrize(
+    ("reason", "text", "cure"),
+    [
+        ("dead: stands still at 5 counts", "Receiver 2: dead, stands still at 5 counts", "amplifier's supply"),
+        ("clipped: 31.4 % of its samples stand at the end of the scale", "Receiver 2: clipped, 31.4 %", "gain"),
+        ("its delay is longer than the array allows: an echo", "Receiver 2: its delay is longer", "An echo."),
+    ],
+)
+def test_a_figure_is_no_cure(reason: str, text: str, cure: str) -> None:
+    """Records bring what is wrong with a receiver in figures."""
+    said = words(*series(excluded=((2, reason),)))
+    assert said.state is AcousticState.WARN
+    assert said.text.startswith(text)
+    assert cure in said.cure
+
+
+def test_a_clipped_receiver_that_must_be_used_is_not_said_to_be_left_out() -> None:
+    reason = "hears an echo as loud as the pulse"
+    assert words(*series(excluded=((2, reason),), receivers=(0, 1, 2))).brief == "Receiver 2 is doubtful"
+    assert words(*series(excluded=((2, reason),), receivers=(0, 1, 3))).brief == "Receiver 2 is left out"
+
+
+@pytest.mark.parametrize(
     ("reason", "text"), [(TWO_TEXT, "Two transmitters"), (PLACES_TEXT, "jumps between two"), (WRONG_TEXT, "should be")]
 )
 def test_what_is_held_back_is_a_fault_with_its_cure(reason: str, text: str) -> None:

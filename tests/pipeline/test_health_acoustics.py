@@ -121,8 +121,8 @@ def test_before_the_first_pulse_it_says_what_to_check() -> None:
         "delay 2 is 500.0 us, the array allows 333.0 us",
         "receivers 0 and 2 or 1 and 3 seem exchanged; check the order of their plugs",
         "a sample rate of 50000 Hz, expected 100000 to 20000000",
-        "the record lasts 0.20 ms, one bit of a pulse 0.50 ms",
-        "the carrier comes out at 20.0 kHz: not sampled at 425700 Hz, more like 851400",
+        "short: the record lasts 0.20 ms, one bit of a pulse 0.50 ms",
+        "sample rate: the carrier comes out at 20.0 kHz: not sampled at 425700 Hz, more like 851400",
     ],
 )
 def test_what_is_refused_says_why_in_few_words(reason: str) -> None:

@@ -30,6 +30,9 @@ CLIPPED_RUN = 3
 CARRIER_BAND_HZ = (38_300.0, 41_700.0)
 """Where the middle of the energy may lie: the real carriers and the resonances' 40 kHz, 4 % either way."""
 
+LEAST_RATE_HZ = 100_000.0
+"""Below, the carrier's band is not in the samples."""
+
 LEAST_SWAP_S = 15e-6
 """One receiver a whole carrier period off misfits by half of it (12.5 us) in a square; an exchange by tens of them."""
 
@@ -45,7 +48,7 @@ class Fault(Enum):
     SILENT = "silent"
     CLIPPED = "clipped"
     SHORT = "short"
-    SAMPLE_RATE = "sample_rate"
+    SAMPLE_RATE = "sample rate"
     SWAPPED = "swapped"
 
 
@@ -63,6 +66,9 @@ def examine_record(samples: ArrayLike, sample_rate_hz: float, bits: int = 12) ->
     """Findings about a record (receivers, n) in counts about zero or about mid-scale."""
     record = np.asarray(samples, dtype=np.float64)
     bit_s = STEPS_PER_BIT * 0.5 / REAL_CARRIER_HZ[0]
+    if not sample_rate_hz >= LEAST_RATE_HZ:
+        text = f"{sample_rate_hz:.0f} samples a second cannot hold a carrier of 40 kHz, {LEAST_RATE_HZ:.0f} are needed"
+        return (RecordFault(Fault.SAMPLE_RATE, text),)
     length_s = record.shape[1] / sample_rate_hz
     if length_s < bit_s:
         text = f"the record lasts {1e3 * length_s:.2f} ms, one bit of a pulse {1e3 * bit_s:.2f} ms"

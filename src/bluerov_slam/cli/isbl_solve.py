@@ -14,7 +14,14 @@ from bluerov_slam.cli.evaluation_options import report_option, write_report
 from bluerov_slam.errors import ArrayGeometryError, ConfigError, RecordingError
 from bluerov_slam.sinks.whole_output import in_whole
 from bluerov_slam.sources.acoustic_records import read_acoustic_records
-from bluerov_slam.survey.acoustic_solve import AXES, SolvedRecord, SolveOptions, solve_record, solved_json
+from bluerov_slam.survey.acoustic_solve import (
+    AXES,
+    SolvedRecord,
+    SolveOptions,
+    remarks_of,
+    solve_record,
+    solved_json,
+)
 
 DEFAULT_STD_M = 0.05
 
@@ -127,11 +134,8 @@ def _line(number: int, solved: SolvedRecord) -> str:
         parts.append(f"at {forward:.3f}, {right:.3f}, {down:.3f} m (range {content['position']['range_m']:.3f} m)")
     if content["message"] is not None and content["message"]["bytes"] is not None:
         parts.append(f"message {content['message']['bytes']}")
-    parts += [
-        f"receiver {each['receiver']} left out: {each['reason']}"
-        for each in (content["delays"] or {}).get("excluded", [])
-        if each["receiver"] >= 0
-    ]
+    if solved.differences is not None:
+        parts += remarks_of(solved.differences)
     if solved.reason:
         parts.append(solved.reason)
     return " ".join([parts[0], "; ".join(parts[1:])])

@@ -135,6 +135,14 @@ def _fix_within(recent: list[AcousticFix]) -> str:
     return "Direction and range" if metres is None else f"Fix within {metres:.1f} m"
 
 
+_RECEIVER_CURES: Final = {
+    "dead": "check its cable, its plug and its amplifier's supply",
+    "silent": "check its cable, its plug and its amplifier's supply",
+    "clipped": "lower its gain, or go further from the transmitter",
+    "swapped": "check the order of the plugs and of acoustics.places_m",
+}
+
+
 def _faulty_receiver(recent: list[AcousticFix]) -> AcousticWords | None:
     """The receiver that most of the last pulses left out."""
     counts: dict[int, int] = {}
@@ -143,16 +151,25 @@ def _faulty_receiver(recent: list[AcousticFix]) -> AcousticWords | None:
         for receiver, reason in fix.excluded:
             counts[receiver] = counts.get(receiver, 0) + 1
             reasons[receiver] = reason
+    used: dict[int, bool] = {}
+    for fix in recent:
+        used |= {receiver: receiver in fix.receivers for receiver, _ in fix.excluded}
     worst = max(counts, key=lambda receiver: counts[receiver], default=None)
     if worst is None or worst < 0 or counts[worst] <= len(recent) // 2:
         return None
-    what, _, cure = reasons[worst].partition(": ")
+    what, _, more = reasons[worst].partition(": ")
+    cure = more
+    if what in _RECEIVER_CURES and not more.startswith("check"):
+        cure = _RECEIVER_CURES[what]
+        what += f", {more}" if more else ""
     text = f"Receiver {worst}: {what}"
+    brief = next((f"Receiver {worst}: {each}" for each in _RECEIVER_CURES if what.startswith(each)), text)
+    doubted = "is doubtful" if used[worst] else "is left out"
     return AcousticWords(
         AcousticState.WARN,
         text,
         _sentence(cure or "Check its cable and its place in the settings"),
-        text if len(text) <= MOST_ON_CHIP else f"Receiver {worst} is left out",
+        brief if len(brief) <= MOST_ON_CHIP else f"Receiver {worst} {doubted}",
         "receiver",
     )
 
@@ -195,9 +212,9 @@ _REFUSALS: Final = (
     ("receivers ", "receivers seem exchanged", ""),
     ("the board sends", "other number of receivers", ""),
     ("a sample rate", "wrong sample rate", "Set the sample rate of the board that its records state."),
-    ("the carrier comes out", "wrong sample rate", "Set the sample rate of the board that its records state."),
+    ("sample rate: ", "wrong sample rate", "Set the sample rate of the board that its records state."),
     (
-        "the record lasts",
+        "short: ",
         "record too short",
         "Have the board record a whole pulse: one bit of it, better two, at its sample rate.",
     ),

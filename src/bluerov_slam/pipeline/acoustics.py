@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bluerov_slam.acoustics.message.demodulation import demodulate
-from bluerov_slam.acoustics.receiver_faults import SwapWatch
+from bluerov_slam.acoustics.receiver_faults import LEAST_RATE_HZ, SwapWatch
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.pipeline.acoustic_beacon import Beacons
 from bluerov_slam.pipeline.acoustic_callers import LARGEST_STD_RAD, TWO_TEXT, Callers
@@ -62,7 +62,7 @@ PULSES_KEPT: Final = 64
 # A record of a whole message is long, and sampled too slowly for the delays.
 MESSAGE_RECORD_S: Final = 0.1
 # Below the first the carrier is not in the samples, above the second no converter of such a board samples.
-SAMPLE_RATES_HZ: Final = (100e3, 20e6)
+SAMPLE_RATES_HZ: Final = (LEAST_RATE_HZ, 20e6)
 # With more than this share of a record lost, what is left of it may mislead.
 LARGEST_LOSS: Final = 0.1
 # A wrong carrier cell more likely than this, and nobody may rely on the direction.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from bluerov_slam.acoustics.calibration.responses import ResponseEstimate, estim
 from bluerov_slam.acoustics.time_differences.estimate import estimate_delays
 from bluerov_slam.errors import RecordingError
 from bluerov_slam.records import AcousticRecord
+from bluerov_slam.survey.acoustic_solve import remarks_of
 
 Array = NDArray[np.float64]
 
@@ -60,6 +62,7 @@ def calibrate_array(
     if responses.reason:
         notes.append(f"responses of the receivers taken as nominal: {responses.reason}")
     delays, timings = [], []
+    troubles: Counter[str] = Counter()
     for each in samples:
         found = estimate_delays(each, rate_hz, array, sound_speed_mps, responses=usable)
         arrivals = np.full(count, np.nan)
@@ -67,8 +70,13 @@ def calibrate_array(
             arrivals[found.receivers[0]] = 0.0
             arrivals[found.receivers[1:]] = -found.delays_s
             timings.append(math.sqrt(0.5 * float(np.median(found.covariance_s2.diagonal()))))
+        else:
+            troubles.update(remarks_of(found) or [reason for _, reason in found.excluded] or ["no pulse was found"])
         delays.append(arrivals[0] - arrivals[1:])
-    timing_s = max(float(np.median(timings)) if timings else 1e-6, LEAST_TIMING_S)
+    if not timings:
+        worst = ", ".join(f"{trouble} ({count} records)" for trouble, count in troubles.most_common(3))
+        raise RecordingError(f"no record in which all receivers heard a pulse: {worst}")
+    timing_s = max(float(np.median(timings)), LEAST_TIMING_S)
     if places_m is None:
         geometry = self_calibrate(array, np.array(delays), timing_s, sound_speed_mps, priors)
     else:

@@ -65,8 +65,8 @@ def solve_record(record: AcousticRecord, options: SolveOptions) -> SolvedRecord:
         samples, record.sample_rate_hz, options.array, options.sound_speed_mps, method=options.method
     )
     if len(found.receivers) < 3:
-        why = "; ".join(_excluded(receiver, reason) for receiver, reason in found.excluded)
-        return SolvedRecord(record, found, None, None, f"fewer than three receivers can be used: {why}")
+        whole = [reason for receiver, reason in found.excluded if receiver < 0]
+        return SolvedRecord(record, found, None, None, ": ".join(["fewer than three receivers can be used", *whole]))
     solution = solve_source(
         options.array.subset(found.receivers.tolist()),
         found.delays_s,
@@ -251,8 +251,18 @@ def pair_correlations(solved: SolvedRecord, options: SolveOptions) -> list[tuple
     return curves
 
 
-def _excluded(receiver: int, reason: str) -> str:
-    return reason if receiver < 0 else f"receiver {receiver} {reason}"
+def remarks_of(found: TimeDifferences) -> list[str]:
+    """What is wrong with receivers, in words, those with the same trouble together; clipped ones may be used."""
+    alike: dict[tuple[str, bool], list[str]] = {}
+    for receiver, reason in found.excluded:
+        if receiver >= 0:
+            alike.setdefault((reason, receiver in found.receivers), []).append(str(receiver))
+    remarks = []
+    for (reason, used), numbers in alike.items():
+        names = " and ".join((", ".join(numbers[:-1]), numbers[-1])) if len(numbers) > 1 else numbers[0]
+        names = f"receiver{'s' if len(numbers) > 1 else ''} {names}"
+        remarks.append(f"{names} used in spite of this: {reason}" if used else f"{names} left out: {reason}")
+    return remarks
 
 
 def _rounded(values: Array, digits: int) -> list[float | None]:

@@ -16,6 +16,7 @@ from bluerov_slam.survey.acoustic_solve import (
     SolveOptions,
     SteeredSurface,
     pair_correlations,
+    remarks_of,
     solved_json,
     steered_surface,
 )
@@ -60,7 +61,8 @@ def _row(number: int, solved: SolvedRecord) -> str:
     content = solved_json(solved)
     delays, direction, position = content["delays"], content["direction"], content["position"]
     remarks = [solved.reason] if solved.reason else []
-    remarks += [f"receiver {each['receiver']}: {each['reason']}" for each in (delays or {}).get("excluded", [])]
+    if solved.differences is not None:
+        remarks += remarks_of(solved.differences)
     if content["message"] is not None:
         remarks.append(f"message {content['message']['bytes']}")
     cells = (
