@@ -190,7 +190,7 @@ def refused(message: dict[str, Any]) -> dict[str, Any]:
             if chip["id"] == "acoustics":
                 chip |= {
                     "state": "fault",
-                    "text": "Refused: receivers seem exchanged",
+                    "text": "Refused: receivers swapped",
                     "cause": "Receivers 0 and 2.",
                     "cure": "Check their plugs.",
                     "age_s": 0.4,
@@ -204,12 +204,10 @@ def test_the_chip_is_whole_at_every_width_and_opens(system: RunningSystem, open_
     page = open_page(system.dashboard, width=width, prepare=changed_messages(refused))
     live(page)
     chip = page.get_by_role("button", name="Acoustics: Fault")
-    expect(chip).to_have_attribute(
-        "title", re.compile("exchanged\nCause: Receivers 0 and 2.\nCure: Check their plugs.")
-    )
+    expect(chip).to_have_attribute("title", re.compile("swapped\nCause: Receivers 0 and 2.\nCure: Check their plugs."))
     cut = "[...document.querySelectorAll('#strip .chip-label')].filter((l) => l.scrollWidth > l.clientWidth + 1)"
     assert page.evaluate(f"{cut}.map((l) => l.textContent)") == []
     chip.click()
     detail = page.get_by_role("dialog", name="Acoustics")
-    for words in ("Refused: receivers seem exchanged", "Check their plugs.", "40 heard, 39 refused"):
+    for words in ("Refused: receivers swapped", "Check their plugs.", "40 heard, 39 refused"):
         expect(detail).to_contain_text(words)

@@ -21,7 +21,8 @@ REMEMBERED_S: Final = 15.0
 REMEMBERED: Final = 40
 # What one pulse says may be chance; most of the last ones are not.
 RECENT: Final = 5
-MOST_ON_CHIP: Final = 40
+# Two lines of the narrowest chip.
+MOST_ON_CHIP: Final = 28
 
 
 class AcousticState(StrEnum):
@@ -102,7 +103,7 @@ class AcousticWatch:
                 AcousticState.WARN,
                 "Two transmitters are heard; the one where ours should be is used",
                 "Switch the other one off, or move away from it.",
-                "Two transmitters, ours is used",
+                "Two heard, ours used",
                 "two",
             )
         if (faulty := _faulty_receiver(recent)) is not None:
@@ -178,7 +179,7 @@ def _faulty_receiver(recent: list[AcousticFix]) -> AcousticWords | None:
 _REFUSALS: Final = (
     (
         TWO_TEXT,
-        "two transmitters heard",
+        "two transmitters",
         "Switch one of them off, or dive further from it; the position is held without the sound meanwhile.",
     ),
     (
@@ -188,11 +189,11 @@ _REFUSALS: Final = (
     ),
     (
         "the sound does not come from",  # WRONG_TEXT, and where another order of the receivers would put it right
-        "not from the beacon's place",
+        "wrong direction",
         "Another transmitter is heard, or a setting is wrong: its place, the array's mounting, the receivers' order.",
     ),
     ("no receiver heard", "nothing heard", "Come nearer, or check the transmitter and its battery."),
-    ("only ", "too few receivers hear", "See which receivers are marked below and check their cables."),
+    ("only ", "too few receivers", "See which receivers are marked below and check their cables."),
     (
         "a receiver may be wrong",
         "timing ambiguous",
@@ -200,17 +201,17 @@ _REFUSALS: Final = (
     ),
     (
         "delay",
-        "delays too long for the array",
+        "delays too long",
         "Check acoustics.arm_m and the order of the receivers; switch other sound sources of this frequency off.",
     ),
     (
         "the delays do not fit",
-        "delays fit no direction",
+        "delays do not fit",
         "Two transmitters, an echo, or receivers in another order than in the settings.",
     ),
-    ("the receivers lie on a line", "receivers lie on a line", "Place one receiver beside the line of the others."),
-    ("receivers ", "receivers seem exchanged", ""),
-    ("the board sends", "other number of receivers", ""),
+    ("the receivers lie on a line", "array is a line", "Place one receiver beside the line of the others."),
+    ("receivers ", "receivers swapped", ""),
+    ("the board sends", "receiver count", ""),
     ("a sample rate", "wrong sample rate", "Set the sample rate of the board that its records state."),
     ("sample rate: ", "wrong sample rate", "Set the sample rate of the board that its records state."),
     (
@@ -247,7 +248,7 @@ def _direction_only(reason: str) -> AcousticWords:
         AcousticState.WARN,
         f"Direction only: {what}",
         _sentence(cure) or _NO_OWN_CURE,
-        "Direction only: depth contradicts" if "contradicts the angles" in what else "Direction only",
+        "Depth contradicts angles" if "contradicts the angles" in what else "Direction only",
         "direction_only",
     )
 

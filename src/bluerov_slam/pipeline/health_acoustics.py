@@ -17,8 +17,11 @@ if TYPE_CHECKING:
 
 # Transmitters call once in one to five seconds: a fix older than this says where the vehicle was.
 STALE_S: Final = 6.0
+NEWEST: Final = "Newest pulse"
 _SENSOR: Final = "acoustics"
 _LEVELS: Final = {AcousticState.WARN: FaultLevel.WARNING, AcousticState.FAULT: FaultLevel.ERROR}
+
+_SILENCE: Final = "The transmitter was heard before; now the array hears nothing of it, or its board sends nothing."
 
 
 def check_acoustics(now_s: float, memory: HealthMemory, facts: HealthFacts) -> Finding:
@@ -33,22 +36,23 @@ def check_acoustics(now_s: float, memory: HealthMemory, facts: HealthFacts) -> F
         found = wrong(
             f"acoustics_{words.kind}",
             words.brief,
-            _sentence(words.text),
+            _SILENCE if words.kind == "silent" else _sentence(words.text),
             words.cure,
             level=_LEVELS[words.state],
             age_s=age_s,
         )
-        return replace(found, parts=parts)
+        # What the cause says is not said twice.
+        return replace(found, parts=tuple(part for part in parts if part[0] != NEWEST))
     if words.state is AcousticState.WAITING:
         return Finding(ChipState.UNKNOWN, words.brief, age_s=age_s, parts=(*parts, ("To check", words.cure)))
     if age_s is not None and age_s > STALE_S:
-        return Finding(ChipState.UNKNOWN, f"Stale: last pulse {age_s:.0f} s ago", age_s=age_s, parts=parts)
+        return Finding(ChipState.UNKNOWN, f"Stale: {age_s:.0f} s old", age_s=age_s, parts=parts)
     distrusted = () if facts.navigation is None else facts.navigation.distrusted
     refused = next((each for each in distrusted if each.name == _SENSOR), None)
     if refused is not None and refused.trust is SensorTrust.REJECTED:
         # The fault itself is told beside the estimator, which refuses.
         why = ("Why", refused.reason or "It contradicts everything else.")
-        return Finding(ChipState.WARN, "Heard, navigation refuses it", age_s=age_s, parts=(why, *parts))
+        return Finding(ChipState.WARN, "Navigation refuses it", age_s=age_s, parts=(why, *parts))
     return Finding(ChipState.OK, words.brief, age_s=age_s, parts=parts)
 
 
@@ -56,7 +60,7 @@ def acoustic_parts(fix: AcousticFix | None, pings: int, refused: int) -> tuple[t
     """What the newest pulse told, in words; only what was accepted."""
     if fix is None:
         return ()
-    parts = [] if fix.reason == "" else [("Newest pulse", fix.reason.replace("; ", ": ", 1))]
+    parts = [] if fix.reason == "" else [(NEWEST, fix.reason.replace("; ", ": ", 1))]
     if fix.accepted and fix.azimuth_rad is not None and fix.elevation_rad is not None:
         parts.append(("Transmitter", f"{_side(fix.azimuth_rad)}, {_height(fix.elevation_rad)}"))
     if fix.accepted and fix.range_m is not None and fix.range_std_m is not None:
