@@ -17,6 +17,12 @@ ALONE = [
     ManufacturingSpread(joint_mm=0.1),
     ManufacturingSpread(stacking_mm=0.1),
     ManufacturingSpread(0.003, 0.003, 0.1, 0.1, 0.05, 0.1, 0.5),
+    ManufacturingSpread(gain=0.01),
+    ManufacturingSpread(gain=0.01, gain_alike=0.01),
+    ManufacturingSpread(rod_mm=0.1, arm_alike_mm=0.2, base_alike_mm=0.1),
+    ManufacturingSpread(rod_mm=0.1, axis_gain=(0.05, 0.05, 0.02, 0.02, 0.03, 0.1)),
+    ManufacturingSpread(rod_mm=0.1, axis_gain_apart=(0.05, 0.05, 0.02, 0.02, 0.03, 0.1)),
+    ManufacturingSpread(rod_mm=0.1, lean_rad=0.001),
 ]
 COUNT = 2000
 

@@ -239,8 +239,8 @@ def _real(
     folder: Path, sessions: list[tuple[int, Session]], port: Path, receiver_port: Path, level_rad: tuple[float, float]
 ) -> None:
     from bluerov_slam.evaluation.rig_table import collected
-    from bluerov_slam.rig.collection import Collection, CollectionPlan
-    from bluerov_slam.rig.collection_truth import truth_of
+    from bluerov_slam.rig.collection import Collection, CollectionPlan, Open
+    from bluerov_slam.rig.collection_truth import CollectionTruth
     from bluerov_slam.rig.workspace import PlatformWorkspace
     from bluerov_slam.services.rig import connected
 
@@ -250,11 +250,18 @@ def _real(
         limit = space.broken(set_point)
         return "" if limit is None else limit.words
 
+    truth = CollectionTruth()
+
+    def take(action: Action) -> None:
+        if isinstance(action, Open):
+            truth.restart()  # the transmitter was moved by hand: the board may have been started anew
+        logs.take(action)
+
     plan = CollectionPlan([session for _, session in sessions], level_rad)
     logs = _Logs(folder, str(port))
     try:
         with connected(port, receiver_port, click.echo, logs.link) as rig:
-            reason = rig.run(Collection(plan, truth_of, reachable), logs.take)
+            reason = rig.run(Collection(plan, truth, reachable), take)
     except KeyboardInterrupt:
         reason = "stopped by Ctrl-C"
     except RecordingError as error:

@@ -84,7 +84,7 @@ def _tell(points: Array, attitude_rad: Array | None) -> None:
     click.echo(
         f"1 sigma: x {std[0]:.2f}, y {std[1]:.2f}, z {std[2]:.2f} mm; turn about x, y, z "
         + ", ".join(f"{value:.2f}" for value in np.degrees(std[3:]))
-        + " deg (tolerances as the thesis states them, and play as its logs show)"
+        + " deg (tolerances as the thesis states them; gains, lean and play as its logs show)"
     )
 
 

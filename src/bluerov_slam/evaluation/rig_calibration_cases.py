@@ -64,13 +64,16 @@ def table_2_4(run: RigRun) -> list[Row]:
     """R5: the published validation, with what is stated and with the deviation that the real logs show."""
     told = [told_attitude(place) for place in TABLE_2_4]
     rounding = max(each.residual_mm for each in told)
+    logged, about = logged_spread(), logged_spread(about_logged=True)
     ways: dict[str, list[Prediction]] = {
         "set points, stated tolerances": [predict(each, stated_spread(), with_attitude=False) for each in TABLE_2_4],
-        "set points, tilts as uncertain as logged": [
-            predict(each, logged_spread(), with_attitude=False) for each in TABLE_2_4
-        ],
+        "set points, gains as uncertain as logged": [predict(each, logged, with_attitude=False) for each in TABLE_2_4],
         "with the IMU, stated tolerances": [predict(each, stated_spread()) for each in TABLE_2_4],
-        "with the IMU, tilts as uncertain as logged": [predict(each, logged_spread()) for each in TABLE_2_4],
+        "with the IMU, gains as uncertain as logged": [predict(each, logged) for each in TABLE_2_4],
+        "set points with the logs' gains": [
+            predict(each, about, with_attitude=False, as_logged=True) for each in TABLE_2_4
+        ],
+        "with the IMU and the logs' gains": [predict(each, about, as_logged=True) for each in TABLE_2_4],
     }
     rows = [
         figure("R5", "table 2.4 (real): an attitude gives each published estimate, worst distance", rounding, "mm",
@@ -80,12 +83,15 @@ def table_2_4(run: RigRun) -> list[Row]:
     ]  # fmt: skip
     for number, (way, found) in enumerate(ways.items(), start=1):
         outside = [each.place.name for each in found if not each.inside]
-        names = "all" if len(outside) == len(found) else ", ".join(outside)
+        names = "all" if len(outside) == len(found) else ", ".join(outside) or "none"
         rows += [
             figure(f"R5.{number}", f"table 2.4 (real), {way}: of 8 measured places inside the 95 % region "
                    f"(outside: {names})", sum(each.inside for each in found), "1"),
             figure(f"R5.{number}.miss", f"table 2.4 (real), {way}: mean distance from the measured place",
                    float(np.mean([each.distance_mm for each in found])), "mm"),
+            figure(f"R5.{number}.nees",
+                   f"table 2.4 (real), {way}: squared miss / covariance of a coordinate (1: as told)",
+                   float(np.mean([each.squared for each in found])) / 3.0, "1"),
         ]  # fmt: skip
     return rows
 

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from bluerov_slam.acoustics.thesis_log import ThesisLog
     from bluerov_slam.rig.dimensions import Floats
 
-MODULES = ("rig_kinematics_cases", "rig_calibration_cases", "rig_motion_cases", "rig_firmware_cases")
+MODULES = (
+    "rig_kinematics_cases",
+    "rig_calibration_cases",
+    "rig_motion_cases",
+    "rig_firmware_cases",
+    "rig_truth_cases",
+)
 """Modules of this package, in the order of the table."""
 
 

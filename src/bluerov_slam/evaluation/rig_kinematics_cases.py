@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bluerov_slam.evaluation.navigation_table import Row
 from bluerov_slam.evaluation.rig_cases import RigCase, RigRun, figure
+from bluerov_slam.evaluation.rig_experiment import TOLD_SPREAD
 from bluerov_slam.evaluation.thesis_checks import check_truth
-from bluerov_slam.rig.dimensions import FO_SHIP, FO_SHIP_PLATFORM
+from bluerov_slam.rig.collection_truth import truth_spread
+from bluerov_slam.rig.dimensions import FO_SHIP, FO_SHIP_PLATFORM, ManufacturingSpread
 from bluerov_slam.rig.forward import plate_pose
 from bluerov_slam.rig.platform import joints_mm, published_servo_angles_rad, servo_angles_rad
 from bluerov_slam.rig.stack import stack_pose
@@ -17,7 +21,12 @@ from bluerov_slam.rig.uncertainty import pose_covariance, sample_poses
 from bluerov_slam.rig.validation import stated_spread
 from bluerov_slam.rig.workspace import PlatformWorkspace
 
+if TYPE_CHECKING:
+    from bluerov_slam.rig.dimensions import Floats
+
 _POSES, _COMMANDS, _STACKS, _RIGS = 100_000, 20_000, 10, 4_000
+_RIGS_ALONE = 1_000
+_LEAST_RATIO, _MOST_RATIO = 0.9, 1.15
 _LOG_TOLERANCE_MM = 0.0101
 
 
@@ -84,7 +93,43 @@ def covariance(run: RigRun) -> list[Row]:
                high=1.0 + band),
         figure("R4.least", "pose covariance: least scatter in any direction, of that told", float(np.min(ratios)), "1",
                low=1.0 - band),
+        *_sources_alone(run),
     ]  # fmt: skip
+
+
+def _sources_alone(run: RigRun) -> list[Row]:
+    """Each source of errors by itself, and all, of the simulated make and of the thesis's rig: scatter over told."""
+    points = PlatformWorkspace().sample(4 * _STACKS, run.seed + 3).reshape(_STACKS, 4, 6)
+    count = run.count(_RIGS_ALONE, 200)
+    sources = {
+        each.name: ManufacturingSpread(**{each.name: getattr(TOLD_SPREAD, each.name)})
+        for each in fields(TOLD_SPREAD)
+        if np.any(getattr(TOLD_SPREAD, each.name))
+    }
+    rows = []
+    for name, spread in (sources | {"all": TOLD_SPREAD, "fo_ship": truth_spread()}).items():
+        ratios = [_told_ratio(stack, spread, count, run.seed + k) for k, stack in enumerate(points)]
+        what = {"all": "all of the simulated make", "fo_ship": "all of the thesis's rig"}.get(name, f"{name} alone")
+        told = f"pose covariance over the workspace, {what}: scatter of rigs / deviation told"
+        rows += [
+            figure(f"R4.{name}.most", f"{told}, place or turn, most of {_STACKS} poses", float(np.max(ratios)), "1",
+                   high=_MOST_RATIO),
+            figure(f"R4.{name}.least", f"{told}, place or turn, least", float(np.min(ratios)), "1", low=_LEAST_RATIO),
+        ]  # fmt: skip
+    return rows
+
+
+def _told_ratio(stack: Floats, spread: ManufacturingSpread, count: int, seed: int) -> list[float]:
+    """3-D deviation of places, and of turns where there are any, over what the derivatives say."""
+    nominal, made = stack_pose(stack, FO_SHIP), sample_poses(stack, FO_SHIP, spread, count, seed)
+    told = np.diag(pose_covariance(stack, FO_SHIP, spread))
+    off = made.position_mm - nominal.position_mm
+    found = [math.sqrt(float(np.mean(np.sum(off**2, axis=1)) / np.sum(told[:3])))]
+    if np.sum(told[3:]) > 0.0:
+        rest = made.rotation @ nominal.rotation.T
+        turn = np.arccos(np.clip(0.5 * (np.trace(rest, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+        found.append(math.sqrt(float(np.mean(turn**2) / np.sum(told[3:]))))
+    return found
 
 
 def _worst(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

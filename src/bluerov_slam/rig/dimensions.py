@@ -229,7 +229,8 @@ FO_SHIP_SERVOS = ServoCalibration(
 class ManufacturingSpread:
     """How well a rig is known: standard deviations, each of every servo, rod, arm, joint or base by itself.
 
-    The same for all legs; zero is exact.
+    The same for all legs; zero is exact. All but the play is the rig's build: it stays from pose to pose. What is
+    "alike" is one number for all platforms, because one drawing, one printer or one kind of servo made them.
 
     Attributes:
         servo_rad: setting of a servo's zero.
@@ -239,6 +240,13 @@ class ManufacturingSpread:
         joint_mm: each coordinate of each base and plate joint.
         stacking_mm: each coordinate of the foot, of every base on the plate beneath and of the tool.
         pair_correlation: of the settings of two facing servos (0 and 1, 2 and 3, 4 and 5), which are levelled together.
+        gain: of a servo: the share by which it turns too far, about its level arm.
+        gain_alike: the same, of all servos alike.
+        arm_alike_mm: of all arms alike.
+        base_alike_mm: each coordinate of the bases on the plates beneath, alike.
+        axis_gain: share by which every platform goes too far in x, y, z, roll, pitch, yaw, alike.
+        axis_gain_apart: the same, of each platform by itself.
+        lean_rad: roll and pitch of every platform, alike: what the load bends.
     """
 
     servo_rad: float = 0.0
@@ -248,3 +256,10 @@ class ManufacturingSpread:
     joint_mm: float = 0.0
     stacking_mm: float = 0.0
     pair_correlation: float = 0.0
+    gain: float = 0.0
+    gain_alike: float = 0.0
+    arm_alike_mm: float = 0.0
+    base_alike_mm: float = 0.0
+    axis_gain: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    axis_gain_apart: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    lean_rad: float = 0.0

@@ -1,5 +1,7 @@
 """Where the tool is when its attitude has been measured: set points corrected together, by how uncertain each is.
 
+For one pose by itself; over a session of many poses of one rig use `session_truth`, which learns its build.
+
 The thesis gives each of four platforms a quarter of the attitude that the IMU on the tool tells. That is right for
 equal platforms bent alike, and says nothing of how well the place is then known. Here every platform's set point has
 the errors e of its spread P (24 numbers), and the attitude is a measurement of three combinations of them:
@@ -21,7 +23,7 @@ import numpy as np
 from bluerov_slam.navigation.rotation import log_so3
 from bluerov_slam.rig.dimensions import ManufacturingSpread
 from bluerov_slam.rig.stack import stack_jacobian, stack_pose
-from bluerov_slam.rig.uncertainty import pose_covariance, set_point_covariance
+from bluerov_slam.rig.uncertainty import pose_covariance, set_points_covariance
 
 if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, StackDimensions
@@ -64,10 +66,7 @@ def tool_truth(
     """
     told = np.asarray(set_points, dtype=np.float64)
     count = len(told)
-    prior = np.zeros((6 * count, 6 * count))
-    for i, platform in enumerate(dimensions.platforms):
-        part = slice(6 * i, 6 * i + 6)
-        prior[part, part] = set_point_covariance(told[i], platform, spread)
+    prior = set_points_covariance(told, dimensions, spread)
     if not np.all(np.isfinite(prior)):
         return ToolTruth(np.full(3, np.nan), np.full((3, 3), np.nan), np.full((6, 6), np.nan), told, np.nan)
     noise = np.diag(np.square(attitude_std_rad))
