@@ -99,8 +99,8 @@ def covariance(run: RigRun) -> list[Row]:
 
 def _sources_alone(run: RigRun) -> list[Row]:
     """Each source of errors by itself, and all, of the simulated make and of the thesis's rig: scatter over told."""
-    points = PlatformWorkspace().sample(4 * _STACKS, run.seed + 3).reshape(_STACKS, 4, 6)
-    count = run.count(_RIGS_ALONE, 200)
+    poses, count = run.count(_STACKS, 3), run.count(_RIGS_ALONE, 500)
+    points = PlatformWorkspace().sample(4 * poses, run.seed + 3).reshape(poses, 4, 6)
     sources = {
         each.name: ManufacturingSpread(**{each.name: getattr(TOLD_SPREAD, each.name)})
         for each in fields(TOLD_SPREAD)
@@ -112,7 +112,7 @@ def _sources_alone(run: RigRun) -> list[Row]:
         what = {"all": "all of the simulated make", "fo_ship": "all of the thesis's rig"}.get(name, f"{name} alone")
         told = f"pose covariance over the workspace, {what}: scatter of rigs / deviation told"
         rows += [
-            figure(f"R4.{name}.most", f"{told}, place or turn, most of {_STACKS} poses", float(np.max(ratios)), "1",
+            figure(f"R4.{name}.most", f"{told}, place or turn, most of {poses} poses", float(np.max(ratios)), "1",
                    high=_MOST_RATIO),
             figure(f"R4.{name}.least", f"{told}, place or turn, least", float(np.min(ratios)), "1", low=_LEAST_RATIO),
         ]  # fmt: skip
