@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bluerov_slam.acoustics.array import ReceiverArray
-from bluerov_slam.acoustics.position import solve_source
+from bluerov_slam.acoustics.position import IN_PLANE, solve_source
 from bluerov_slam.acoustics.position_batch import solve_batch
 from bluerov_slam.navigation.rotation import rotation_from_euler
 
@@ -181,6 +181,16 @@ def test_what_cannot_be_solved_is_said_in_words(receivers: np.ndarray, delays: t
     assert not solution.good
     assert np.isnan(solution.direction).all()
     assert solution.position_m is None
+
+
+def test_a_source_in_the_plane_of_a_flat_array_is_said_to_be_there() -> None:
+    # Three receivers of the square, a fourth left out: no plane wave is as slow along it as these delays are.
+    receivers = ReceiverArray.cross().positions_m[[0, 1, 2]]
+    solution = solve_source(
+        receivers, np.array((-236.6e-6, -266.2e-6)), np.array(((8.2, 6.8), (6.8, 6.7))) * 1e-12, 1500.0
+    )
+    assert solution.position_m is None
+    assert solution.reason == IN_PLANE
 
 
 def test_what_does_not_belong_together_is_our_mistake() -> None:

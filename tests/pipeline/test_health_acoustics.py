@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from bluerov_slam.acoustics.position import IN_PLANE
 from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT, WRONG_TEXT
 from bluerov_slam.pipeline.acoustic_watch import (
     NAVIGATION_OFF,
@@ -118,6 +119,7 @@ def test_before_the_first_pulse_it_says_what_to_check() -> None:
         WRONG_TEXT,
         "no receiver heard a pulse: the transmitter is off, or out of range",
         "only 2 of the receivers can be used, and a direction needs 3",
+        IN_PLANE,
         "delay 2 is 500.0 us, the array allows 333.0 us",
         "receivers 0 and 2 or 1 and 3 seem exchanged; check the order of their plugs",
         "a sample rate of 50000 Hz, expected 100000 to 20000000",

@@ -37,10 +37,10 @@ INVERSE_RANGE_PRIOR = 0.25
 """Without depth and range: standard deviation of 1/range in units of 1/aperture. Sources lie outside the array."""
 
 STEP_TOLERANCE = 1e-8
-"""The search ends when a step turns the direction (rad) and changes the scaled inverse range by less: the next one
-would be smaller by orders of magnitude."""
+"""The search ends when a step turns the direction (rad) and changes the scaled inverse range by less."""
 
 MOST_ITERATIONS = 60
+IN_PLANE = "the transmitter lies in the plane of a flat array, where its direction cannot be told"
 CLEARLY_STD, CLEARLY_OFF = 10.0, 0.2
 """A depth that is zero only by so many standard deviations, and a direction so far (sine) on the other side of it."""
 
@@ -91,8 +91,7 @@ def solve_source(
         receivers_m: (k, 3), k >= 3, reference first.
         delays_s: (k-1,) of the others.
         covariance_s2: (k-1, k-1); neighbouring delays share the reference's error.
-        depth: Source's distance along `down` from the origin and its standard deviation, m (receivers' depth and the
-            source's both have errors).
+        depth: Source's distance along `down` from the origin, and its standard deviation, of both depths together, m.
         range_: One-way range and its standard deviation, m, from a synchronised clock.
         start: Roughly where the source is; also says on which side of a flat array it lies.
         down: Unit vector of the depth's axis in the frame of the receivers.
@@ -105,7 +104,8 @@ def solve_source(
     sought = None if start is None else np.asarray(start, dtype=np.float64)
     found = _best(problem, sought, np.asarray(front, dtype=np.float64))
     if found is None:
-        return problem.nothing("the search for a direction did not converge")
+        flat = problem.rank == 2 and np.linalg.norm(problem.inside()) > 0.95
+        return problem.nothing(IN_PLANE if flat else "the search for a direction did not converge")
     state, mirror = found
     return _judge(problem, state, mirror, sought, np.asarray(front, dtype=np.float64))
 
@@ -226,6 +226,13 @@ class _Problem:
             self.rank,
         )
 
+    def inside(self) -> Array:
+        """Of a distant source's direction what lies in the array's plane; above one where delays are too long."""
+        baselines = self.receivers[1:] - self.receivers[0]
+        flat = self.whitener @ (baselines - np.outer(baselines @ self.normal, self.normal))
+        found = np.linalg.lstsq(flat, self.whitener @ self.measured, rcond=1e-9)[0]
+        return np.asarray(found - self.normal * float(found @ self.normal))
+
     @property
     def ranged(self) -> bool:
         return self.depth is not None or self.range_ is not None
@@ -300,10 +307,7 @@ class _Problem:
 
 def _starts(problem: _Problem, sought: Array | None) -> list[tuple[Array, float]]:
     """A direction of a distant source on each side of the array, and an inverse range for each."""
-    baselines = problem.receivers[1:] - problem.receivers[0]
-    flat = problem.whitener @ (baselines - np.outer(baselines @ problem.normal, problem.normal))
-    inside = np.linalg.lstsq(flat, problem.whitener @ problem.measured, rcond=1e-9)[0]
-    inside -= problem.normal * float(inside @ problem.normal)
+    inside = problem.inside()
     length = float(inside @ inside)
     if length > 0.98:
         inside *= math.sqrt(0.98 / length)

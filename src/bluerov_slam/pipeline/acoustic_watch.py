@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bluerov_slam.acoustics.position import IN_PLANE
 from bluerov_slam.pipeline.acoustic_callers import OTHER_TEXT, PLACES_TEXT, TWO_TEXT
 from bluerov_slam.protocol.navigation_json import error_ellipse
 
@@ -208,6 +209,11 @@ _REFUSALS: Final = (
         "the delays do not fit",
         "delays do not fit",
         "Two transmitters, an echo, or receivers in another order than in the settings.",
+    ),
+    (
+        IN_PLANE,
+        "in the array plane",
+        "Dive deeper or higher than the transmitter, or add a receiver on a stalk.",
     ),
     ("the receivers lie on a line", "array is a line", "Place one receiver beside the line of the others."),
     ("receivers ", "receivers swapped", ""),
