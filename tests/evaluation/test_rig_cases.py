@@ -38,7 +38,14 @@ def test_every_case_gives_finite_rows_of_its_own(name: str) -> None:
 
 def test_the_servo_test_names_a_stuck_servo_in_drawn_rigs() -> None:
     rows = {row.id: row for row in all_cases()["R10"].run(SMALL)}
-    assert rows["R10.stuck"].interval.value == 0.0
+    assert rows["R10.stuck0"].interval.value == rows["R10.stuck9"].interval.value == 0.0
+
+
+def test_the_zero_test_names_a_servo_far_off_in_drawn_rigs_and_accuses_no_good_one() -> None:
+    rows = {row.id: row.interval.value for row in all_cases()["R13"].run(SMALL)}
+    clean = ("R13.none", "R13.again.none", "R13.20", "R13.again.10", "R13.10.wrong", "R13.again.5.wrong")
+    assert {name: rows[name] for name in clean} == dict.fromkeys(clean, 0.0)
+    assert rows["R13.2"] == 100.0
 
 
 def test_the_truth_of_the_real_logs_is_that_of_the_kinematics() -> None:

@@ -97,7 +97,7 @@ def table_2_4(run: RigRun) -> list[Row]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _RealRig:
+class RealRig:
     """A rig otherwise than drawn, with figures of its own: dimensions, servos' gains and zeros, the IMU's seat."""
 
     dimensions: StackDimensions
@@ -106,10 +106,10 @@ class _RealRig:
     mount: Floats
 
 
-_SLOP_RAD, _IMU_RAD = float(np.radians(0.25)), float(np.radians(0.1))
+SLOP_RAD, IMU_RAD = float(np.radians(0.25)), float(np.radians(0.1))
 
 
-def _drawn_rig(random: np.random.Generator) -> _RealRig:
+def drawn_rig(random: np.random.Generator) -> RealRig:
     def around(values: Floats, deviation: float) -> Floats:
         return values + deviation * random.standard_normal(np.shape(values))
 
@@ -126,11 +126,11 @@ def _drawn_rig(random: np.random.Generator) -> _RealRig:
     count = len(platforms)
     gain = (1.0 + 0.05 * random.standard_normal()) * around(np.ones((count, LEGS)), 0.02)
     zero = np.radians(0.7) * random.standard_normal((count, LEGS))
-    return _RealRig(replace(FO_SHIP, platforms=platforms), gain, zero, np.radians(0.4) * random.standard_normal(3))
+    return RealRig(replace(FO_SHIP, platforms=platforms), gain, zero, np.radians(0.4) * random.standard_normal(3))
 
 
 def _seen(
-    test: ServoTest, rig: _RealRig, kind: str, size: float, servo: Servo, other: Servo, random: np.random.Generator
+    test: ServoTest, rig: RealRig, kind: str, size: float, servo: Servo, other: Servo, random: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """What the IMU of such a rig tells after every move of the test, and at its stance."""
     here = test.stance_angles_rad
@@ -145,15 +145,15 @@ def _seen(
     elif kind == "offset":
         ideal[:, *servo] += size
     # A servo plays anew when it has moved; the others stand where they stood.
-    play = np.tile(_SLOP_RAD * random.standard_normal(here.shape), (len(told), 1, 1))
+    play = np.tile(SLOP_RAD * random.standard_normal(here.shape), (len(told), 1, 1))
     moved = told != here
-    play[moved] = _SLOP_RAD * random.standard_normal(int(np.sum(moved)))
+    play[moved] = SLOP_RAD * random.standard_normal(int(np.sum(moved)))
     real = rig.gain * ideal + rig.zero_rad + play
     reached = np.eye(3)
     for i, platform in enumerate(rig.dimensions.platforms):
         reached = reached @ rotations(plate_pose(real[:, i], platform).set_point[:, 3:])
-    noise = np.array([exp_so3(_IMU_RAD * random.standard_normal(3)) for _ in reached])
-    noise[0] = exp_so3(_IMU_RAD / math.sqrt(len(told)) * random.standard_normal(3))  # read between all moves
+    noise = np.array([exp_so3(IMU_RAD * random.standard_normal(3)) for _ in reached])
+    noise[0] = exp_so3(IMU_RAD / math.sqrt(len(told)) * random.standard_normal(3))  # read between all moves
     seen = noise @ exp_so3(rig.mount) @ reached
     return seen[1:], seen[0]
 
@@ -166,6 +166,8 @@ _FAULTS = (
     ("offset", float(np.radians(5.0)), None),
     ("offset", float(np.radians(10.0)), None),
     ("offset", float(np.radians(20.0)), None),
+    ("stuck", 0.0, 2.0),
+    ("stuck", float(np.radians(20.0)), 2.0),
 )
 """Kind, size, and of how many per cent a fault may be missed."""
 
@@ -181,15 +183,16 @@ def servo_test(run: RigRun) -> list[Row]:
             random = np.random.default_rng((run.seed, number, k))
             servo = first.servos[k % len(first.servos)]
             other = first.servos[(k + 1 + int(random.integers(len(first.servos) - 1))) % len(first.servos)]
-            rig = _drawn_rig(random)
+            rig = drawn_rig(random)
             good = _seen(first, rig, "none", 0.0, servo, other, random)
             bad = _seen(first, rig, kind, size, servo, other, random)
             for way, test in (("", first), (".again", first.against(good))):
                 findings = test.judge(*bad).findings
                 missed[way].append(bool(findings) if kind == "none" else not _names(kind, servo, other, findings))
         for way, flags in missed.items():
-            place = f"R10{way}.{kind}{f'{np.degrees(size):.0f}' if kind == 'offset' else ''}"
-            what = f"{kind} by {np.degrees(size):.0f} deg" if kind == "offset" else kind
+            sized = kind in ("offset", "stuck")
+            place = f"R10{way}.{kind}{f'{np.degrees(size):.0f}' if sized else ''}"
+            what = f"{kind} by {np.degrees(size):.0f} deg" if sized else kind
             told = "good rigs accused" if kind == "none" else f"servo {what}, not named"
             beside = "against an earlier run" if way else "first run"
             rows.append(share_row(place, f"servo test (simulated), {beside}: {told}", np.array(flags), must))
@@ -238,7 +241,7 @@ def identification(run: RigRun) -> list[Row]:
     ]
 
 
-def _with(parameters: tuple[Parameter, ...], values: Floats) -> _RealRig:
+def _with(parameters: tuple[Parameter, ...], values: Floats) -> RealRig:
     """The drawn rig with these arms, rods, gains and zeros."""
     count = len(FO_SHIP.platforms)
     gain, zero, platforms = np.ones((count, LEGS)), np.zeros((count, LEGS)), list(FO_SHIP.platforms)
@@ -252,7 +255,7 @@ def _with(parameters: tuple[Parameter, ...], values: Floats) -> _RealRig:
             platforms[i] = replace(platforms[i], arm_mm=platforms[i].arm_mm + value)
         else:
             platforms[i] = replace(platforms[i], rod_mm=platforms[i].rod_mm + value)
-    return _RealRig(replace(FO_SHIP, platforms=tuple(platforms)), gain, zero, np.zeros(3))
+    return RealRig(replace(FO_SHIP, platforms=tuple(platforms)), gain, zero, np.zeros(3))
 
 
 CASES = (

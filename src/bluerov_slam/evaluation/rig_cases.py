@@ -23,6 +23,7 @@ MODULES = (
     "rig_motion_cases",
     "rig_firmware_cases",
     "rig_truth_cases",
+    "rig_zero_cases",
 )
 """Modules of this package, in the order of the table."""
 
