@@ -25,7 +25,7 @@ from bluerov_slam.rig.workspace import StackWorkspace
 
 NEAR = int(os.environ.get("BLUEROV_SLAM_BENCH_POSES", "1000"))
 COMPARED = 200
-MIXED, BEYOND = 60, 1.6
+MIXED, BEYOND = 400, 1.6
 """Half of the mixed poses are reachable, half such moved and turned so much further from home: most out of reach."""
 PLANS, COVARIANCES = 50, 50
 SEED = 1000
@@ -45,15 +45,15 @@ def _membership(space: StackWorkspace) -> list[dict[str, object]]:
     times = [_took_ms(lambda pose=pose: space.reaches(pose)) for pose in poses]
     slsqp_ms = statistics.mean(_took_ms(lambda pose=pose: slsqp_reaches(space.model, pose, SEED)) for pose in poses[:4])
     what = f"is a pose in reach, mean (those that are: {statistics.mean(times[:half]):.2f} ms)"
-    return [row("rig_membership", what, statistics.mean(times), "ms", "<= 1", f"SLSQP {slsqp_ms:.0f} ms")]
+    beside = f"{_tail(times)}; SLSQP {slsqp_ms:.0f} ms"
+    return [row("rig_membership", what, statistics.mean(times), "ms", "<= 1", beside)]
 
 
 def _near_the_edge(space: StackWorkspace) -> list[dict[str, object]]:
     sample = near_edge(space.model, NEAR, SEED)
     poses = _each(sample.poses)
-    began = time.process_time()
     found = agreement(space, sample)
-    fast_ms = 1e3 * (time.process_time() - began) / NEAR
+    times = [_took_ms(lambda pose=pose: space.reaches(pose)) for pose in poses]
     few = StackPose(sample.poses.position_mm[:COMPARED], sample.poses.rotation[:COMPARED])
     slow_ms = _took_ms(lambda: slow_search(space.model, few)) / len(few.position_mm)
     began = time.process_time()
@@ -64,9 +64,10 @@ def _near_the_edge(space: StackWorkspace) -> list[dict[str, object]]:
         f"slow planner, batched, {slow_ms:.1f} ms; SLSQP {other_ms:.0f} ms, same on {100 * same:.1f} % of {len(other)}"
     )
     errors = f"{found.false_yes} false yes, {found.false_no} false no of {found.count}; {beside}"
-    share = 100 * found.share
+    share, mean_ms = 100 * found.share, statistics.mean(times)
+    told = f"{_tail(times)}; {beside}"
     return [
-        row("rig_membership_ms", "is a pose within 5 % of the edge reachable, mean", fast_ms, "ms", "<= 1", beside),
+        row("rig_membership_ms", "is a pose within 5 % of the edge reachable, mean", mean_ms, "ms", "<= 1", told),
         row("rig_membership_agreement", "agreement with the slow planner there", share, "%", ">= 99", errors),
     ]
 
@@ -86,6 +87,10 @@ def _covariance() -> dict[str, object]:
     home, spread = np.zeros((4, 6)), stated_spread()
     times = [_took_ms(lambda: pose_covariance(home, FO_SHIP, spread)) for _ in range(COVARIANCES)]
     return row("rig_covariance", "covariance of the tool's pose", 1e3 * min(times), "us")
+
+
+def _tail(times: Sequence[float]) -> str:
+    return f"99 % within {np.quantile(times, 0.99):.2f} ms"
 
 
 def _each(poses: StackPose) -> Sequence[StackPose]:

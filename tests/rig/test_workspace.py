@@ -58,6 +58,34 @@ def test_smooth_margins_have_the_sign_of_the_exact_ones() -> None:
     assert (exact.arms_mm[legs] > 0.0).all()
 
 
+def test_slopes_stay_bounded_through_the_root() -> None:
+    model = ReachModel(FO_SHIP, FO_SHIP_LIMITS)
+    points = np.random.default_rng(3).uniform(-1.1, 1.1, (4000, 4, 6)) * model.scale
+    reach = model.evaluate(points)
+    assert (np.abs(reach.legs[..., 0::3]).min(axis=(-1, -2)) < 1e-3).sum() > 20  # on either side of a root or an end
+    assert np.abs(reach.legs_by).max() < 3.0
+
+
+def test_lack_of_one_pose_is_that_of_many() -> None:
+    points, poses = SPACE.sample(20, 14)
+    reach = SPACE.model.evaluate(0.5 * points)
+    many = SPACE.model.lacking(reach, poses)
+    for i in range(20):
+        one = SPACE.model.lacking(
+            SPACE.model.evaluate(0.5 * points[i]), StackPose(poses.position_mm[i], poses.rotation[i])
+        )
+        assert np.allclose(one, many[i], atol=1e-12)
+
+
+def test_what_is_missing_to_a_level_is_none_exactly_above_it() -> None:
+    points = np.random.default_rng(15).uniform(-1.0, 1.0, (50, 4, 6)) * SPACE.model.scale
+    for point in points:
+        reach = SPACE.model.evaluate(point)
+        least = float(SPACE.model.margin(reach))
+        assert SPACE.model.missing(reach, least - 1e-9) == 0.0
+        assert SPACE.model.missing(reach, least + 0.01) >= 0.01**2 * 0.99
+
+
 def test_rotation_vectors_return() -> None:
     vectors = np.random.default_rng(2).uniform(-1.0, 1.0, (50, 3))
     assert np.allclose(rotation_vector(rotation_from_vector(vectors)), vectors, atol=1e-12)
@@ -105,7 +133,7 @@ def test_the_largest_margin_beats_what_the_sample_has() -> None:
 def test_far_poses_are_out_and_their_nearest_is_in() -> None:
     for place, turn, limits in [
         ((500.0, 0.0, -648.0), (0.0, 0.0, 0.0), set(Limit)),
-        ((110.0, 0.0, -648.0), (0.0, 0.0, 0.6), {Limit.AXIS}),
+        ((110.0, 0.0, -648.0), (0.0, 0.0, 0.6), {Limit.AXIS, Limit.JOINT, Limit.REACH}),  # a corner of three
         ((110.0, 0.0, -900.0), (0.0, 0.0, 0.0), {Limit.AXIS, Limit.REACH, Limit.SERVO}),
     ]:
         pose = StackPose(np.array(place), rotation_from_vector(np.array(turn)))

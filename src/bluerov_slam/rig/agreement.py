@@ -27,8 +27,8 @@ Flags = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 SPREAD = np.array([84.0, 86.0, 37.0, 0.28, 0.28, 0.106])
 """Of x, y, z (mm) and turns (rad) among the poses of `StackWorkspace.sample`."""
-STARTS = 8
-STEPS = 60
+STARTS = 20
+STEPS = 90
 FURTHEST = 10.0
 """No reachable pose of FO_SHIP lies so many spreads from home."""
 _MADE = np.array([1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5])

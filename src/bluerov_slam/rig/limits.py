@@ -27,6 +27,7 @@ from bluerov_slam.rig.servos import angle_range_rad
 
 if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, PlatformDimensions, ServoCalibration
+    from bluerov_slam.rig.platform import Joints
 
 QUARTER_RAD = float(np.pi / 2.0)
 LARGEST_TURN_RAD = float(np.pi)
@@ -151,16 +152,14 @@ def platform_margins(
     ratio = root_ratio(joints.plate_mm - joints.base_mm, dimensions)
     servo = np.minimum(angles - limits.lowest_servo_rad, limits.highest_servo_rad - angles)
     rods = joints.plate_mm - joints.arm_ends_mm
-    arm_rods = (joints.base_mm, joints.arm_ends_mm)
-    legs = (joints.arm_ends_mm, joints.plate_mm)
+    legs_mm, arms_mm = air_mm(joints, limits)
     return PlatformMargins(
         axis=np.min(1.0 - np.abs(points) / limits.axis_array(), axis=-1),
         reach=np.min(1.0 - np.abs(ratio), axis=-1),
         servo_rad=np.min(servo, axis=-1),
         joint_rad=limits.joint_tilt_rad - _largest_tilt_rad(points, rods, dimensions),
-        legs_mm=_air_mm(legs, legs, combinations(range(LEGS), 2)) - limits.rod_thickness_mm,
-        arms_mm=_air_mm(legs, arm_rods, permutations(range(LEGS), 2))
-        - 0.5 * (limits.rod_thickness_mm + limits.arm_thickness_mm),
+        legs_mm=legs_mm,
+        arms_mm=arms_mm,
     )
 
 
@@ -238,23 +237,32 @@ def _largest_tilt_rad(points: Floats, rods: Floats, dimensions: PlatformDimensio
     return np.asarray(np.arcsin(np.clip(np.abs(sines), 0.0, 1.0)).max(axis=(0, -1)))
 
 
-def _air_mm(first: tuple[Floats, Floats], second: tuple[Floats, Floats], pairs: object) -> Floats:
-    """Least distance of segments over pairs (i of the first, j of the second), (...,)."""
-    i, j = np.array(list(pairs)).T  # type: ignore[call-overload]
-    found = segment_distance_mm(first[0][..., i, :], first[1][..., i, :], second[0][..., j, :], second[1][..., j, :])
-    return np.asarray(found.min(axis=-1))
+_LEG_PAIRS = list(combinations(range(LEGS), 2))
+_RODS, _OTHERS = np.array(_LEG_PAIRS + [(i, LEGS + j) for i, j in permutations(range(LEGS), 2)]).T
+"""Which rods are held against which other rods (0..5) and arms (6..11)."""
+
+
+def air_mm(joints: Joints, limits: PlatformLimits) -> tuple[Floats, Floats]:
+    """Least air between two rods, and between a rod and the arm of another leg, each (...,); NaN out of reach."""
+    begins = np.concatenate([joints.arm_ends_mm, joints.base_mm], axis=-2)
+    ends = np.concatenate([joints.plate_mm, joints.arm_ends_mm], axis=-2)
+    apart = segment_distance_mm(
+        begins[..., _RODS, :], ends[..., _RODS, :], begins[..., _OTHERS, :], ends[..., _OTHERS, :]
+    )
+    legs, arms = apart[..., : len(_LEG_PAIRS)], apart[..., len(_LEG_PAIRS) :]
+    arm_mm = 0.5 * (limits.rod_thickness_mm + limits.arm_thickness_mm)
+    return legs.min(axis=-1) - limits.rod_thickness_mm, arms.min(axis=-1) - arm_mm
 
 
 def segment_distance_mm(a0: Floats, a1: Floats, b0: Floats, b1: Floats) -> Floats:
     """Least distance between the segments a0 a1 and b0 b1, each (..., 3)."""
     u, v, w = a1 - a0, b1 - b0, a0 - b0
-    uu, vv, uv = np.sum(u * u, -1), np.sum(v * v, -1), np.sum(u * v, -1)
-    uw, vw = np.sum(u * w, -1), np.sum(v * w, -1)
+    uu, vv, uv, uw, vw = (np.einsum("...k,...k->...", *both) for both in ((u, u), (v, v), (u, v), (u, w), (v, w)))
     across = uu * vv - uv * uv
     with np.errstate(invalid="ignore", divide="ignore"):
         s = np.where(across > 1e-12 * uu * vv, (uv * vw - vv * uw) / across, 0.0)
-        s = np.clip(s, 0.0, 1.0)
-        t = np.clip((uv * s + vw) / vv, 0.0, 1.0)
-        s = np.clip((uv * t - uw) / uu, 0.0, 1.0)  # the nearest point of a to the end that t was cut to
+        s = np.minimum(np.maximum(s, 0.0), 1.0)
+        t = np.minimum(np.maximum((uv * s + vw) / vv, 0.0), 1.0)
+        s = np.minimum(np.maximum((uv * t - uw) / uu, 0.0), 1.0)  # the nearest point of a to the end that t was cut to
     apart = w + s[..., None] * u - t[..., None] * v
-    return np.asarray(np.sqrt(np.sum(apart * apart, axis=-1)))
+    return np.asarray(np.sqrt(np.einsum("...k,...k->...", apart, apart)))

@@ -13,6 +13,7 @@ blocks and one six by six system for the multipliers do it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +26,15 @@ if TYPE_CHECKING:
     from bluerov_slam.rig.stack import StackPose
 
 LEG_MARGINS = 3 * LEGS
-ROUNDS = 6
+MONOMIALS = 27
+_BY, _TOOL = 12 * LEGS, 12 * LEGS + 36 * LEGS
+"""Where in the rows of `_of_monomials` derivatives begin, and where the rotation does."""
+_SIDES = np.array([1.0, -1.0])[:, None, None]
+_LEAST_OVER, _MOST_OVER = np.array([[0.0], [-np.inf]]), np.array([[np.inf], [np.pi]])
+_UNIT = np.eye(3)
+ROUNDS = 4
 """Rounds of one step that look for the margins in its way; more change nothing."""
-_STEEPEST = 1e-3
+_STEEPEST = 0.05
 """Least share of the rod along the arm's travel in a derivative: it is zero at the root."""
 
 
@@ -36,7 +43,7 @@ class Reach:
     """Margins and the tool of set points (..., P, 6), and by scaled set point their derivatives if asked for.
 
     Attributes:
-        legs: margins of the legs, (..., P, 18).
+        legs: margins of the legs, (..., P, 18): leg by leg its three.
         scaled: set points over their scale, (..., P, 6).
         position_mm: of the tool, (..., 3).
         rotation: of the tool, (..., 3, 3).
@@ -65,75 +72,63 @@ class ReachModel:
         self.scale = np.array([(limit.axes or AxisLimits()).array() for limit in each])
         self.ranges = np.array([limit.axis_array() for limit in each]) / self.scale
         self.bounded = bool(np.isfinite(self.ranges).all())
-        bearing = _stacked(platforms, "arm_bearings_rad")
-        self._level = np.stack([np.cos(bearing), np.sin(bearing), 0.0 * bearing])  # (3, P, 6)
-        self._bolt = np.moveaxis(np.array([servo_axes(p) for p in platforms]), -1, 0).copy()
-        self._joints = np.moveaxis(_stacked(platforms, "plate_joints_mm"), -1, -2).copy()  # (P, 3, 6)
-        home = np.array([0.0, 0.0, -1.0])[:, None] * np.array([p.home_height_mm for p in platforms])
-        self._origin = home[:, :, None] - np.moveaxis(_stacked(platforms, "base_joints_mm"), -1, 0)
         self._arm, self._rod = _stacked(platforms, "arm_mm"), _stacked(platforms, "rod_mm")
         self._twice_arm, self._shift = 2.0 * self._arm, self._arm**2 - self._rod**2
-        self._high = np.array([np.broadcast_to(limit.highest_servo_rad, LEGS) for limit in each])
-        self._low = np.array([np.broadcast_to(limit.lowest_servo_rad, LEGS) for limit in each])
+        ends = [(limit.highest_servo_rad, limit.lowest_servo_rad) for limit in each]
+        self._ends = np.array([[np.broadcast_to(end, LEGS) for end in both] for both in ends])  # (P, 2, 6)
         self._tilt = np.sin([limit.joint_tilt_rad for limit in each])[:, None]
-        self._lift = dimensions.base_mm + home.T
-        self._bolts_turning = np.concatenate([self._joints, np.moveaxis(self._bolt, 0, 1)], axis=-1)
+        home = np.array([0.0, 0.0, -1.0]) * np.array([p.home_height_mm for p in platforms])[:, None]
+        self._lift = dimensions.base_mm + home
+        self._linear = np.array([_of_monomials(*one) for one in zip(platforms, self.scale, strict=True)])
+        # Margins of the axes, both ways, and room for those of the legs: what a step of one pose works on.
+        size = 6 * self.count
+        self._slopes = np.zeros((LEG_MARGINS * self.count + 2 * size, size))
+        self._slopes[-2 * size :] = np.concatenate([-np.eye(size), np.eye(size)])
 
     def evaluate(self, set_points: Floats) -> Reach:
         """At set points (..., P, 6)."""
         q = set_points
         lead = q.shape[:-1]
-        sines, cosines = np.sin(q[..., 3:]), np.cos(q[..., 3:])
-        turn, axes = _turns(sines, cosines)
-        turned = np.moveaxis(turn @ self._bolts_turning, -2, 0)  # (3, ..., P, 12)
-        arms_at, bolt = turned[..., :LEGS], turned[..., LEGS:]
-        x = arms_at + (np.moveaxis(q[..., :3], -1, 0)[..., None] + _lead(self._origin, q))
-        level = _lead(self._level, q)
-        a, c = level[0] * x[0] + level[1] * x[1], -x[2]
+        waves = np.ones((*lead, 3, 3))  # of roll, pitch, yaw: 1, cosine, sine
+        np.cos(q[..., 3:], out=waves[..., 1])
+        np.sin(q[..., 3:], out=waves[..., 2])
+        given = np.empty((*lead, MONOMIALS + 3, 1))
+        products = waves[..., 2, :, None] * waves[..., 1, None, :]
+        given[..., :MONOMIALS, 0] = (products[..., None] * waves[..., 0, None, None, :]).reshape(*lead, MONOMIALS)
+        given[..., MONOMIALS:, 0] = q[..., :3]
+        made = (self._linear @ given)[..., 0]
+        at = made[..., :_BY].reshape(*lead, 4, 3, LEGS)
+        joint, bolt, plane, quarter = at[..., 0, :, :], at[..., 1, :, :], at[..., 2, :, :], at[..., 3, :, :]
+        a, b, c = joint[..., 0, :], joint[..., 1, :], joint[..., 2, :]
         flat2 = a * a + c * c
         flat = np.sqrt(flat2)
-        k = self._shift + (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-        ratio = k / (self._twice_arm * flat)
-        phi = np.arctan2(c, a)
-        over, under = np.maximum(phi - self._high, 0.0), np.minimum(phi - self._low, np.pi)
-        theta = phi - np.arccos(np.minimum(np.maximum(ratio, -1.0), 1.0))
-        ct, st = np.cos(theta), np.sin(theta)
-        rod = x - self._arm * ct * level
-        rod[2] += self._arm * st
-        lean = (rod[0] * bolt[0] + rod[1] * bolt[1] + rod[2] * bolt[2]) / self._rod
-        side = np.sign(lean)
-        legs = np.empty((*lead, LEG_MARGINS))
-        legs[..., :LEGS] = np.cos(over) - ratio
-        legs[..., LEGS : 2 * LEGS] = ratio - np.cos(under)
-        legs[..., 2 * LEGS :] = self._tilt - side * lean
+        ratio = (self._shift + flat2 + b * b) / (self._twice_arm * flat)
+        # Of the joint's direction over the highest angle and over the lowest, where they end short of the root.
+        over = np.minimum(np.maximum(np.arctan2(c, a)[..., None, :] - self._ends, _LEAST_OVER), _MOST_OVER)
+        cosine = np.minimum(np.maximum(ratio, -1.0), 1.0)
+        sine = np.sqrt(1.0 - cosine * cosine)
+        across, ahead = (sine / flat)[..., None, :], (cosine / flat)[..., None, :]
+        rod = joint - self._arm[:, None] * (ahead * plane - across * quarter)
+        travel = ahead * quarter + across * plane  # of the arm's end
+        lean = np.einsum("...ij,...ij->...j", rod, bolt) / self._rod
+        by_lean = (np.sign(lean) / -self._rod)[..., None, :]
+        legs = np.empty((*lead, LEGS, 3))
+        legs[..., :2] = np.swapaxes(_SIDES[:, 0] * (np.cos(over) - ratio[..., None, :]), -1, -2)
+        legs[..., 2] = self._tilt - np.abs(lean)
 
-        # Derivatives by the plate joint's place, then by the plate's turn: g(x) turns by arm x gradient.
-        slopes = np.empty((3, 3, *lead, LEGS))  # coordinate, kind of margin
-        in_plane = a * level
-        in_plane[2] -= c
-        ratio_by = x / (self._arm * flat) - (ratio / flat2) * in_plane
-        phi_by = (-c / flat2) * level
-        phi_by[2] -= a / flat2
-        slopes[:, 0] = -np.sin(over) * phi_by - ratio_by
-        slopes[:, 1] = ratio_by + np.sin(under) * phi_by
-        # travel of the arm's end: level -sin, up cos
-        along = -st * (level[0] * rod[0] + level[1] * rod[1]) - ct * rod[2]
-        least = _STEEPEST * self._rod
-        along = np.where(np.abs(along) < least, least, along)
-        bolt_travel = -st * (level[0] * bolt[0] + level[1] * bolt[1]) - ct * bolt[2]
-        slopes[:, 2] = (-side / self._rod) * (bolt - (bolt_travel / along) * rod)
-        joint = arms_at[:, None]
-        turns = _cross(joint, slopes)
-        turns[:, 2] += _cross(bolt, (-side / self._rod) * rod)
-        by = np.empty((6, 3, *lead, LEGS))
-        by[:3] = slopes
-        roll, pitch = axes
-        by[3] = _wide(roll[0]) * turns[0] + _wide(roll[1]) * turns[1] + _wide(roll[2]) * turns[2]
-        by[4] = _wide(pitch[0]) * turns[0] + _wide(pitch[1]) * turns[1]
-        by[5] = turns[2]
-        legs_by = np.moveaxis(by, (0, 1), (-1, -3)).reshape(*lead, LEG_MARGINS, 6) * self.scale[:, None, :]
-        position, rotation, tool_by = self._tool(q, turn, pitch)
-        return Reach(legs, q / self.scale, position, rotation, legs_by, tool_by)
+        # Derivatives of each margin by the joint's place and by the bolt, seen from the arm: ahead, across, up.
+        slopes = np.zeros((*lead, LEGS, 3, 6))
+        ratio_by = joint * (1.0 / (self._arm * flat))[..., None, :] - plane * (ratio / flat2)[..., None, :]
+        ends_by = (np.sin(over) / flat2[..., None, :])[..., None, :] * quarter[..., None, :, :]
+        slopes[..., :2, :3] = (-_SIDES * (ends_by + ratio_by[..., None, :, :])).swapaxes(-1, -3).swapaxes(-1, -2)
+        # How far the rod points along the arm's travel is zero at the root.
+        share = np.einsum("...ij,...ij->...j", travel, bolt) / np.maximum(flat * sine, _STEEPEST * self._rod)
+        slopes[..., 2, :3] = np.swapaxes(by_lean * (bolt - share[..., None, :] * rod), -1, -2)
+        slopes[..., 2, 3:] = np.swapaxes(by_lean * rod, -1, -2)
+        legs_by = slopes @ made[..., _BY:_TOOL].reshape(*lead, LEGS, 6, 6)
+        shape = (*lead, LEG_MARGINS)
+        position, rotation, tool_by = self._tool(q, made[..., _TOOL:].reshape(*lead, 6, 3))
+        return Reach(legs.reshape(shape), q / self.scale, position, rotation, legs_by.reshape(*shape, 6), tool_by)
 
     def margin(self, reach: Reach) -> Floats:
         """The least margin of all, (...,)."""
@@ -142,8 +137,17 @@ class ReachModel:
             least = np.minimum(least, (self.ranges - np.abs(reach.scaled)).min(axis=(-1, -2)))
         return np.asarray(least)
 
+    def missing(self, reach: Reach, level: float) -> float:
+        """Of one pose: the sum of squares of what its margins are short of a level."""
+        legs = np.maximum(level - reach.legs, 0.0).ravel()
+        axes = np.maximum(np.abs(reach.scaled) - (self.ranges - level), 0.0).ravel()
+        return float(legs @ legs + axes @ axes)
+
     def lacking(self, reach: Reach, pose: StackPose) -> Floats:
         """Place (mm) and turn (rad, rig frame) from the tool to a pose, (..., 6)."""
+        if reach.position_mm.ndim == 1:
+            turn = _vector_of_one((pose.rotation @ reach.rotation.T).ravel().tolist())
+            return np.concatenate([pose.position_mm - reach.position_mm, turn])
         found = np.empty((*reach.position_mm.shape[:-1], 6))
         found[..., :3] = pose.position_mm - reach.position_mm
         found[..., 3:] = rotation_vector(pose.rotation @ np.swapaxes(reach.rotation, -1, -2))
@@ -216,58 +220,52 @@ class ReachModel:
         With A the rows of F and G, least squares is (A A' + damping on G's) l = (e, level - g), d = A' l.
         """
         size = 6 * self.count
-        legs0, scaled0 = reach.legs.ravel(), reach.scaled.ravel()
-        apart = np.zeros((self.count, LEG_MARGINS, self.count, 6))
-        for i in range(self.count):
-            apart[i, :, i] = reach.legs_by[i]
-        slopes = apart.reshape(-1, size)
-        pose_by, unit = reach.tool_by.reshape(size, 6).T, np.eye(size)
-        room, ranges = self.ranges.ravel() - level, self.ranges.ravel()
-        missing = level - legs0
-        legs, scaled = legs0, scaled0
-        short, beyond = missing > 0.0, np.abs(scaled0) > room
-        side = np.sign(scaled0)
+        slopes = self._slopes.copy()
+        blocks = slopes[: LEG_MARGINS * self.count].reshape(self.count, LEG_MARGINS, self.count, 6)
+        np.einsum("iaib->iab", blocks)[...] = reach.legs_by
+        margins = np.concatenate(
+            [reach.legs.ravel(), (self.ranges - reach.scaled).ravel(), (self.ranges + reach.scaled).ravel()]
+        )
+        pose_by, missing = reach.tool_by.reshape(size, 6).T, level - margins
+        short, expected = missing > 0.0, margins
         move = np.zeros(size)
         for _ in range(rounds):
-            rows = np.concatenate([pose_by, slopes[short], unit[beyond]])
-            wanted = np.concatenate([lacking, missing[short], (side * room - scaled0)[beyond]])
+            rows = np.concatenate([pose_by, slopes[short]])
             system = rows @ rows.T
             system.reshape(-1)[6 * (len(rows) + 1) :: len(rows) + 1] += damping
-            move = np.linalg.solve(system, wanted) @ rows
-            legs, scaled = legs0 + slopes @ move, scaled0 + move
-            now_short, now_beyond = legs < level, np.abs(scaled) > room
-            if np.array_equal(now_short, short) and np.array_equal(now_beyond, beyond):
+            move = np.linalg.solve(system, np.concatenate([lacking, missing[short]])) @ rows
+            expected = margins + slopes @ move
+            now_short = expected < level
+            if now_short.tobytes() == short.tobytes():
                 break
-            short, beyond, side = now_short, now_beyond, np.sign(scaled)
-        axes = ranges - np.abs(scaled)
-        short_legs, short_axes = np.maximum(level - legs, 0.0), np.maximum(level - axes, 0.0)
-        weight = float(short_legs.sum() + short_axes.sum())
-        weighted = float(short_legs @ legs) + (float(short_axes @ axes) if self.bounded else 0.0)
-        bound = weighted / weight if weight > 1e-9 else np.inf
+            short = now_short
+        lacked = np.maximum(level - expected, 0.0)
+        weight = float(np.add.reduce(lacked))
+        bound = float(lacked @ np.where(lacked > 0.0, expected, 0.0)) / weight if weight > 1e-9 else np.inf
         return Step(move.reshape(-1, 6), np.asarray(bound))
 
-    def _tool(self, q: Floats, turn: Floats, pitch: tuple[Floats, Floats]) -> tuple[Floats, Floats, Floats]:
-        beneath = np.empty(turn.shape)
-        top = np.empty(turn.shape)
-        beneath[..., 0, :, :] = np.eye(3)
-        top[..., 0, :, :] = turn[..., 0, :, :]
+    def _tool(self, q: Floats, turned: Floats) -> tuple[Floats, Floats, Floats]:
+        """Place, rotation and derivative from the plates' rotations and their scaled axes, (..., P, 6, 3)."""
+        turn, axes = turned[..., :3, :], turned[..., 3:, :]
+        beneath = np.empty((*q.shape[:-1], 3, 3))
+        beneath[..., 0, :, :] = _UNIT
+        rotation = turn[..., 0, :, :]
         for i in range(1, self.count):
-            beneath[..., i, :, :] = top[..., i - 1, :, :]
-            np.matmul(top[..., i - 1, :, :], turn[..., i, :, :], out=top[..., i, :, :])
+            beneath[..., i, :, :] = rotation
+            rotation = rotation @ turn[..., i, :, :]
         rises = (beneath @ (self._lift + q[..., :3])[..., None])[..., 0]
-        plates = np.cumsum(rises, axis=-2) + self.dimensions.foot_mm
-        rotation = top[..., -1, :, :]
+        plates = np.add.accumulate(rises, axis=-2) + self.dimensions.foot_mm
         position = plates[..., -1, :] + rotation @ self.dimensions.tool_mm
         lever = position[..., None, :] - plates
-        axes = np.empty(turn.shape)  # (..., P, axis, coordinate)
-        axes[..., 0, :] = top[..., :, 0]
-        axes[..., 1, :] = beneath[..., :, 0] * pitch[0][..., None] + beneath[..., :, 1] * pitch[1][..., None]
-        axes[..., 2, :] = beneath[..., :, 2]
-        by = np.zeros((*turn.shape[:-2], 6, 6))
-        by[..., :3, :3] = np.swapaxes(beneath, -1, -2)
-        by[..., 3:, 3:] = axes
-        by[..., 3:, :3] = np.moveaxis(_cross(np.moveaxis(axes, -1, 0), np.moveaxis(lever, -1, 0)[..., None]), 0, -1)
-        by *= self.scale[..., None]
+        across = np.zeros(beneath.shape)  # rows times it: cross product with the lever
+        across[..., 1, 2], across[..., 2, 0], across[..., 0, 1] = lever[..., 0], lever[..., 1], lever[..., 2]
+        across -= np.swapaxes(across, -1, -2)
+        whole = np.swapaxes(beneath, -1, -2)
+        by = np.zeros((*q.shape[:-1], 6, 6))
+        by[..., :3, :3] = self.scale[:, :3, None] * whole
+        turning = axes @ whole
+        by[..., 3:, 3:] = turning
+        by[..., 3:, :3] = -(turning @ across)
         return position, rotation, by
 
 
@@ -306,35 +304,68 @@ def rotation_from_vector(vector: Floats) -> Floats:
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * skew + (1.0 - np.cos(small)) / small**2 * skew @ skew)
 
 
-def _turns(
-    sines: Floats, cosines: Floats
-) -> tuple[Floats, tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats]]]:
-    """Rz Ry Rx, (..., 3, 3), and the axes of roll and of pitch in the frame beneath."""
-    sr, sp, sy = sines[..., 0], sines[..., 1], sines[..., 2]
-    cr, cp, cy = cosines[..., 0], cosines[..., 1], cosines[..., 2]
-    turn = np.empty((*sr.shape, 3, 3))
-    x0, x1 = cy * cp, sy * cp
-    cysp, sysp = cy * sp, sy * sp
-    turn[..., 0, 0], turn[..., 1, 0], turn[..., 2, 0] = x0, x1, -sp
-    turn[..., 0, 1], turn[..., 1, 1], turn[..., 2, 1] = cysp * sr - sy * cr, sysp * sr + cy * cr, cp * sr
-    turn[..., 0, 2], turn[..., 1, 2], turn[..., 2, 2] = cysp * cr + sy * sr, sysp * cr - cy * sr, cp * cr
-    return turn, ((x0, x1, -sp), (-sy, cy))
+def _of_monomials(platform: PlatformDimensions, scale: Floats) -> Floats:
+    """What of a platform is linear in products of 1, cosine, sine of yaw, pitch, roll and in x, y, z.
+
+    Rows: ahead, across, up of each plate joint from its servo's axis, of its bolt, of the joint in the arm's plane and
+    of that a quarter turn on (4 x 3 x legs); derivatives of the first two by the scaled set point (legs x 6 x 6); the
+    rotation, the scaled axes of roll, pitch, yaw in the frame beneath (6 x 3).
+    """
+    waves = _rotation_waves()
+    turn = np.einsum("xab,ybc,zcd->xyzad", *waves)
+    slope = [np.zeros_like(w) for w in waves]
+    for w, d in zip(waves, slope, strict=True):
+        d[1], d[2] = w[2], -w[1]
+    yaw, pitch, roll = waves
+    turn_by = np.stack([
+        np.einsum("xab,ybc,zcd->xyzad", yaw, pitch, slope[2]),
+        np.einsum("xab,ybc,zcd->xyzad", yaw, slope[1], roll),
+        np.einsum("xab,ybc,zcd->xyzad", slope[0], pitch, roll),
+    ]).reshape(3, MONOMIALS, 3, 3)  # fmt: skip
+    turn = turn.reshape(MONOMIALS, 3, 3)
+    bearing = platform.arm_bearings_rad
+    bolts = servo_axes(platform)
+    ahead = np.stack([np.cos(bearing), np.sin(bearing), np.zeros(LEGS)], axis=-1)
+    views = np.stack([ahead, bolts, np.tile([0.0, 0.0, -1.0], (LEGS, 1))], axis=1)  # (leg, 3, 3)
+    arms = np.stack([platform.plate_joints_mm, bolts])  # (2, leg, 3)
+    at = np.zeros((2, 3, LEGS, MONOMIALS + 3))
+    at[..., :MONOMIALS] = np.einsum("lij,mjk,slk->silm", views, turn, arms)
+    at[0, ..., MONOMIALS:] = np.swapaxes(views, 0, 1)
+    from_axes = np.array([0.0, 0.0, -platform.home_height_mm]) - platform.base_joints_mm
+    at[0, ..., 0] += np.einsum("lij,lj->il", views, from_axes)
+    plane, quarter = at[0] * np.array([1.0, 0.0, 1.0])[:, None, None], np.zeros(at[0].shape)
+    quarter[0], quarter[2] = -at[0, 2], at[0, 0]
+    by = np.zeros((LEGS, 2, 3, 6, MONOMIALS + 3))
+    by[..., 3:, :MONOMIALS] = np.einsum("lij,dmjk,slk->lsidm", views, turn_by, arms)
+    by[:, 0, :, :3, 0] = views
+    by *= scale[:, None]
+    turned = np.zeros((6, 3, MONOMIALS + 3))
+    turned[:3, :, :MONOMIALS] = np.moveaxis(turn, 0, -1)
+    turned[3, :, :MONOMIALS] = scale[3] * turn[:, :, 0].T
+    turned[4, :, : MONOMIALS : MONOMIALS // 3] = scale[4] * yaw[:, :, 1].T
+    turned[5, 2, 0] = scale[5]
+    return np.concatenate([one.reshape(-1, MONOMIALS + 3) for one in (at, plane, quarter, by, turned)])
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of vectors whose coordinates run along the first axis."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+def _rotation_waves() -> tuple[Floats, Floats, Floats]:
+    """Rotations by yaw, pitch, roll as sums over 1, cosine, sine, (3, 3, 3) each."""
+    found = []
+    for axis in (2, 1, 0):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        wave = np.zeros((3, 3, 3))
+        wave[0, axis, axis] = wave[1, i, i] = wave[1, j, j] = wave[2, j, i] = 1.0
+        wave[2, i, j] = -1.0
+        found.append(wave)
+    return found[0], found[1], found[2]
+
+
+def _vector_of_one(r: list[float]) -> tuple[float, float, float]:
+    """`rotation_vector` of nine numbers in rows."""
+    x, y, z = r[7] - r[5], r[2] - r[6], r[3] - r[1]
+    sine = 0.5 * sqrt(x * x + y * y + z * z)
+    factor = 0.5 * atan2(sine, 0.5 * (r[0] + r[4] + r[8] - 1.0)) / sine if sine > 1e-9 else 0.5
+    return factor * x, factor * y, factor * z
 
 
 def _stacked(platforms: tuple[PlatformDimensions, ...], name: str) -> Floats:
     return np.array([getattr(platform, name) for platform in platforms])
-
-
-def _wide(values: Floats) -> Floats:
-    """Values of platforms for all their legs."""
-    return values[..., None]
-
-
-def _lead(values: Floats, q: Floats) -> Floats:
-    """(3, P, 6) with room for the leading axes of q after the first."""
-    return values.reshape(3, *(1,) * (q.ndim - 2), *values.shape[1:])

@@ -2,9 +2,9 @@
 
 One platform: its set point says it all, so membership is a look at its margins. The stack: a pose is reachable if any
 set points of all its platforms together make it. There are 24 of them for six coordinates, so membership is a search
-(`reach.ReachModel.step`) from a start close by. It ends when set points are found that make the pose within every limit
-(a proof) or when its steps are used up. "No" is not proven:
-docs/rig-workspace.md measures how often it is wrong.
+(`reach.ReachModel.step`, damped as Levenberg and Marquardt do) from a guess close by (`reach_guess`). It ends when set
+points are found that make the pose within every limit (a proof), when guess and bound say that there are none, or when
+its steps are used up. "No" is not proven: docs/rig-workspace.md measures how often it is wrong.
 """
 
 from __future__ import annotations
@@ -19,35 +19,43 @@ from bluerov_slam.rig.limits import (
     FO_SHIP_LIMITS,
     Limit,
     PlatformLimits,
+    air_mm,
     checked_pose,
     checked_set_points,
     platform_margins,
 )
+from bluerov_slam.rig.platform import joints_mm
 from bluerov_slam.rig.reach import ReachModel, rotation_vector
+from bluerov_slam.rig.reach_guess import stored_guess
 from bluerov_slam.rig.stack import StackPose, stack_pose
 
 if TYPE_CHECKING:
     from bluerov_slam.rig.dimensions import Floats, PlatformDimensions, StackDimensions
     from bluerov_slam.rig.reach import Reach
 
-MOST_STEPS = 60
+MOST_STEPS, MOST_WITHOUT_GUESS = 18, 40
+"""Of a search. Without a guess nothing but its end says no."""
 LEVEL = 2e-3
-"""Margin that a search aims at, so that it ends inside and not on the limit."""
+"""Margin that plans and the largest margin aim at, so that they end inside and not on the limit."""
 LONGEST_STEP = 0.7
-FIRST_STEPS, FIRST_DAMPING = 12, 3e-4
-"""Long steps at the beginning of a search for membership."""
-LAST_LEVEL, LAST_DAMPING, LAST_LONGEST = 5e-4, 1e-4, 0.25
-"""Then short ones, which go on where long ones run in circles, to a margin that fewer poses fall short of."""
-LEAST_STEPS, HOPELESS, STILL, FAR = 8, -0.01, 0.05, -0.3
-"""After so many steps a search gives up once its bound is hopeless and it hardly moves, or its bound is far out.
-
-Chosen on poses of seed 11, not proven."""
+SEARCH_LEVEL, KEPT = 5e-4, 0.3
+"""What a search aims at; once inside, only that this share of its margin is kept while the pose is made."""
+DAMPING, LEAST_DAMPING, STIFFER, SOFTER = 3e-4, 1e-5, 4.0, 0.4
+"""Of a search: at the first step and at least; what it is multiplied by after a step that made things worse, better."""
+_LACK = 0.01
+"""What a lack of 100 mm, or of a radian, weighs against the squares of missing margins in what is better."""
+FEW_STEPS, GUESSED_OUT, BOUND_OUT = 3, -0.002, -0.008
+"""From so many steps on a search gives up if the guessed margin and the last two bounds are below these."""
+MANY_STEPS, STILL_OUT = 7, -0.001
+"""From so many on also if the last three bounds are below this, whatever the guess. All chosen on poses of seeds 11
+and 12, not proven."""
 _ABOVE, _RISE = 0.01, 0.05
 """How far above the bound, and faster than what, the level of the search for the largest margin is raised."""
 _ROUNDING = 1e-9
 PLACE_MM = 1e-3
 TURN_RAD = 1e-5
 """A pose is made when the tool is this near."""
+_WEIGHT = np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0])
 RADIAN_MM = 200.0
 """What a radian weighs against millimetres in "nearest": about the reach of the tool over the upper plates."""
 
@@ -147,6 +155,7 @@ class StackWorkspace:
     ) -> None:
         self.model = ReachModel(dimensions, limits)
         self.dimensions, self.limits = dimensions, self.model.limits
+        self._guess = stored_guess(self.model)
 
     def reaches(self, pose: StackPose) -> bool:
         """Whether set points are found that make this pose within all limits: yes is a proof, no is not."""
@@ -155,8 +164,9 @@ class StackWorkspace:
     def find(self, pose: StackPose, start: Floats | None = None) -> Found:
         """Search set points that make this pose within all limits."""
         pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
-        points = self.start(pose) if start is None else checked_set_points(start)
-        return self._search(pose, points)
+        if start is None:
+            return self._search(pose, *self._begin(pose))
+        return self._search(pose, checked_set_points(start), np.inf)
 
     def margin(self, pose: StackPose) -> float:
         """The largest least margin of all set points that make this pose: without unit, negative out of reach."""
@@ -193,10 +203,13 @@ class StackWorkspace:
     def nearest(self, pose: StackPose) -> Nearest:
         """The reachable pose next to this one, a radian weighed as 200 mm, with the limit that is in the way."""
         pose = StackPose(*checked_pose(pose.position_mm, pose.rotation))
-        found = self._search(pose, self.start(pose))
+        found = self._search(pose, *self._begin(pose))
         if found.reached:
             return Nearest(pose, found.set_points, 0.0, 0.0, None)
-        points = self._approach(pose, found.set_points)
+        # Each start has a best of its own, one often far nearer than the others.
+        starts = (found.set_points, self.start(pose), np.zeros(found.set_points.shape))
+        ends = [self._approach(pose, start) for start in starts]
+        points = min(ends, key=lambda end: self._distance_mm(pose, end))
         reach = self.model.evaluate(points)
         lacking = self.model.lacking(reach, pose)
         place, turn = float(np.linalg.norm(lacking[:3])), float(np.linalg.norm(lacking[3:]))
@@ -217,29 +230,40 @@ class StackWorkspace:
         return points, stack_pose(points, self.dimensions)
 
     def start(self, pose: StackPose) -> Floats:
-        """Set points to search from: an equal share of the turn for each platform."""
+        """Set points to search from: the guess, or an equal share of the turn for each platform."""
+        return self._begin(pose)[0]
+
+    def _begin(self, pose: StackPose) -> tuple[Floats, float]:
+        """Set points to search from, and what margin to hope for."""
+        if self._guess is not None:
+            points, hope = self._guess(pose)
+            return points, float(hope)
         points = np.zeros((self.model.count, 6))
         points[:, 3:] = rotation_vector(pose.rotation) / self.model.count
-        return np.clip(points, -self.model.scale, self.model.scale)
+        return np.clip(points, -self.model.scale, self.model.scale), np.inf
 
-    def _search(self, pose: StackPose, points: Floats) -> Found:
-        model = self.model
-        bound = np.inf
-        for k in range(MOST_STEPS):
+    def _search(self, pose: StackPose, points: Floats, hope: float) -> Found:
+        model, damping, before = self.model, DAMPING, np.inf
+        bounds, margin, guessed = (np.inf,) * 3, -np.inf, bool(np.isfinite(hope))
+        for k in range(MOST_STEPS if guessed else MOST_WITHOUT_GUESS):
             reach = model.evaluate(points)
             lacking = model.lacking(reach, pose)
             margin = float(model.margin(reach))
             if margin >= 0.0 and _made(lacking) and self._clear(points):
-                return Found(True, points, margin, max(bound, margin))
-            first = k < FIRST_STEPS
-            level = LEVEL if first else LAST_LEVEL
-            step = model.step(reach, lacking, level, FIRST_DAMPING if first else LAST_DAMPING)
-            bound = float(step.bound)
-            still = float(np.abs(step.move).max()) < STILL
-            points = points + _cut(step.move, LONGEST_STEP if first else LAST_LONGEST) * model.scale
-            if k >= LEAST_STEPS and (bound < FAR or (still and bound < HOPELESS)):
+                return Found(True, points, margin, max(bounds[0], margin))
+            now = model.missing(reach, SEARCH_LEVEL) + _LACK * float(np.abs(lacking) @ _WEIGHT)
+            if k:
+                damping = max(damping * (STIFFER if now > before else SOFTER), LEAST_DAMPING)
+            before = now
+            level = min(SEARCH_LEVEL, KEPT * margin) if margin > 0.0 else SEARCH_LEVEL
+            step = model.step(reach, lacking, level, damping)
+            bounds = (float(step.bound), *bounds[:2])
+            points = points + _cut(step.move) * model.scale
+            early = k + 1 >= FEW_STEPS and hope < GUESSED_OUT and max(bounds[:2]) < BOUND_OUT
+            late = k + 1 >= MANY_STEPS and max(bounds) < STILL_OUT
+            if guessed and (early or late):
                 break
-        return Found(False, points, margin, bound)
+        return Found(False, points, margin, bounds[0])
 
     def _approach(self, pose: StackPose, points: Floats) -> Floats:
         """Least distance to the pose within the limits, by a penalty on what passes them; then drawn inside."""
@@ -267,10 +291,14 @@ class StackWorkspace:
             inside, outside = (share, outside) if good else (inside, share)
         return inside * points
 
+    def _distance_mm(self, pose: StackPose, points: Floats) -> float:
+        lacking = self.model.lacking(self.model.evaluate(points), pose)
+        return float(np.hypot(np.linalg.norm(lacking[:3]), RADIAN_MM * np.linalg.norm(lacking[3:])))
+
     def _in_the_way(self, points: Floats) -> Limit:
         """Of set points on the edge: the limit of the least margin."""
         reach = self.model.evaluate(points)
-        legs = reach.legs.reshape(-1, 3, LEGS)
+        legs = np.swapaxes(reach.legs.reshape(-1, LEGS, 3), -1, -2)
         axis = float((self.model.ranges - np.abs(reach.scaled)).min())
         least = {Limit.AXIS: axis, Limit.JOINT: float(legs[:, 2].min())}
         for kind in (0, 1):
@@ -289,11 +317,11 @@ class StackWorkspace:
     def _clear(self, points: Floats, spare_mm: float = 0.0) -> bool:
         """Whether no rod touches another or an arm."""
         platforms, limits = self.dimensions.platforms, self.limits
-        if all(one == platforms[0] for one in platforms) and all(one == limits[0] for one in limits):
-            each = [platform_margins(points, platforms[0], limits[0])]
+        if all(one is platforms[0] for one in platforms) and all(one is limits[0] for one in limits):
+            each = [air_mm(joints_mm(points, platforms[0]), limits[0])]
         else:
-            each = [platform_margins(*one) for one in zip(points, platforms, limits, strict=True)]
-        return not any(bool(np.any(one.legs_mm < spare_mm) or np.any(one.arms_mm < spare_mm)) for one in each)
+            each = [air_mm(joints_mm(q, one), limit) for q, one, limit in zip(points, platforms, limits, strict=True)]
+        return all(bool(legs.min() >= spare_mm and arms.min() >= spare_mm) for legs, arms in each)
 
     def _touching(self, points: Floats) -> Limit:
         for point, platform, limits in zip(points, self.dimensions.platforms, self.limits, strict=True):
