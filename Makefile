@@ -95,7 +95,7 @@ firmware-cpp: system-setup
 
 # After firmware-cpp, with which it shares object files.
 firmware-xtensa: setup firmware-cpp
-	MAKEFLAGS= firmware/xtensa/try_all
+	MAKEFLAGS=s firmware/xtensa/try_all
 
 test-long: setup ## image build and run, armv7 install, long fuzzing and soak
 	scripts/test-long

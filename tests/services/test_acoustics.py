@@ -79,7 +79,7 @@ async def test_the_topic_comes_with_every_pulse_and_before_the_first(quiet):
         async with pinging(quiet.extension.acoustics.input.port, (board.pulse(SOURCE) for _ in itertools.count())):
             while first["direction"] is None:
                 first = await asyncio.wait_for(next_of(ws, "acoustics"), PATIENCE_S)
-    assert first["age_s"] < 5.0
+    assert 0.0 <= first["age_s"] < PATIENCE_S
 
 
 async def next_of(ws, topic):

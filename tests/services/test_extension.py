@@ -25,7 +25,9 @@ SEED_KEYS = {
 }
 # Before the heartbeat of the WebSocket would have found out by itself that its client is gone.
 STOP_PATIENCE_S = 0.9 * HEARTBEAT_S
-CHIPS = ["link", "sonar_a", "sonar_b", "imu", "depth", "ctd", "gps", "recorder", "mavlink", "navigation"]
+CHIPS = [
+    "link", "sonar_a", "sonar_b", "imu", "depth", "ctd", "gps", "recorder", "mavlink", "navigation", "acoustics",
+]  # fmt: skip
 
 
 def assert_seed_shape(frame):
