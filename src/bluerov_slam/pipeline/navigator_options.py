@@ -161,8 +161,8 @@ class ThrustOptions:
     # [choice] 6 % in half an hour: another speed, another part of the thrusters' curve, tether, battery, fouling.
     scale_walk: float = 1.5e-3
     current_std_mps: float = 0.2  # [survey] 0.05 to 0.4 m/s
-    # [survey] 0.0005 to 0.003, upper half: this state stands for all that is slow in the velocity through the water, the
-    # cable's pull and unequal thrusters, too (10 to 20 mm/s that last for minutes on tuning dives).
+    # [survey] 0.0005 to 0.003, upper half: this state stands for all that is slow in the velocity through the water,
+    # the cable's pull and unequal thrusters, too (10 to 20 mm/s that last for minutes on tuning dives).
     current_walk_mps: float = 2e-3
     stale_after_s: float = 0.6
     battery_stale_after_s: float = 30.0

@@ -8,7 +8,6 @@ does, however that came.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import logging
 import os
@@ -17,7 +16,8 @@ import signal
 import sys
 from typing import Final
 
-_PR_SET_PDEATHSIG: Final = 1
+from bluerov_slam.services.parent_death import end_with_parent
+
 # The link, the log and the pages come first.
 NICENESS: Final = 5
 # Some ten times what it needs: a leak ends here, in a restart, and not in the vehicle's memory.
@@ -52,7 +52,7 @@ def main(parent_pid: int) -> None:
 
 def _be_a_quiet_child(parent_pid: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends us in order
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    end_with_parent(signal.SIGKILL)
     if os.getppid() != parent_pid:  # it ended before we could ask to be told
         sys.exit(0)
     with contextlib.suppress(OSError):

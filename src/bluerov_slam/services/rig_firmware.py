@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bluerov_slam.errors import LinkError
 from bluerov_slam.protocol.rig_link import POLL_S, RigAck, RigMode, RigResult, StopCause
+from bluerov_slam.services.parent_death import end_with_parent
 from bluerov_slam.services.rig import RIG_BAUD, Line, RigLink, refusal
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
@@ -78,7 +79,7 @@ def running(program: Path) -> Iterator[RigLink]:
     try:
         process = subprocess.Popen(  # noqa: S603
             [str(program), "--link", "auto"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, preexec_fn=end_with_parent,
         )  # fmt: skip
     except OSError as error:
         raise LinkError(f"{program} cannot be started: {error.strerror}; `make firmware` builds it anew") from error

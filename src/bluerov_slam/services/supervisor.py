@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ctypes
 import gc
 import logging
 import signal
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
+
+from bluerov_slam.services.parent_death import end_with_parent
 
 _log = logging.getLogger(__name__)
 
@@ -23,7 +24,6 @@ STOP_TIMEOUT_S: Final = 4.0
 # What a child ends with that could not start for a reason it named. How long it took to find out says nothing: a busy
 # Raspberry Pi needs longer than that to import a service.
 EXPECTED_FAILURE: Final = 1
-_PR_SET_PDEATHSIG: Final = 1
 
 
 class Service(Protocol):
@@ -111,7 +111,7 @@ class Supervisor:
 
 async def _run_once(child: ChildSpec) -> int:
     """Run a child to its end; cancelled, it is asked to stop, and killed if it does not."""
-    process = await asyncio.create_subprocess_exec(*child.arguments, preexec_fn=_die_with_parent)
+    process = await asyncio.create_subprocess_exec(*child.arguments, preexec_fn=end_with_parent)
     try:
         return await process.wait()
     except asyncio.CancelledError:
@@ -128,11 +128,6 @@ async def _stop(process: asyncio.subprocess.Process) -> None:
         except TimeoutError:
             process.kill()
             await process.wait()
-
-
-def _die_with_parent() -> None:
-    """A supervisor that is killed must not leave children behind that hold the ports (Linux)."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _describe(code: int) -> str:
