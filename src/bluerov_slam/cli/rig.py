@@ -8,6 +8,7 @@ from bluerov_slam.cli.lazy_group import LazyGroup
 
 # Sub-command name -> module of this package that holds a click command called `command`.
 COMMANDS: dict[str, str] = {
+    "check": "rig_check",
     "collect": "rig_collect",
     "demo": "rig_demo",
     "evaluate": "rig_evaluate",
@@ -18,6 +19,8 @@ COMMANDS: dict[str, str] = {
 }
 
 
-@click.group(name="rig", cls=LazyGroup, modules=COMMANDS, short_help="The ground-truth rig: plan, move, collect.")
+@click.group(
+    name="rig", cls=LazyGroup, modules=COMMANDS, short_help="The ground-truth rig: plan, move, check, collect."
+)
 def command() -> None:
     """Plan and know the motions of a stack of hexapod platforms (docs/rig.md)."""

@@ -306,7 +306,7 @@ class Collection:
             which = "roll" if abs(residual[0]) >= abs(residual[1]) else "pitch"
             why = f"the array's {which} is {np.degrees(worst):.1f} degrees from what was set"
             if self._far_off > 1:
-                return self._lost(f"{why}, twice: move one servo at a time to find which", ends=True)
+                return self._lost(f"{why}, twice: `rig check` moves one servo at a time", ends=True)
             return self._lost(f"{why}: a servo may be stuck or off")
         self._far_off = 0
         truth, covariance = (None, None) if self._truth is None else self._truth(self._at, result.attitude_rad)

@@ -64,12 +64,19 @@ class ZeroVerdict:
         explained: how much of chi-square it takes away, or the best of all servos would.
         sizes_rad: of every servo by itself, (platforms, 6): how far off it would have to be.
         untested: how many of the readings were not there.
+        size_std_rad: of the finding's size, in a rig that is good but for it; NaN without a finding.
+        named_from_rad: how far off any servo must be to be named in 95 of 100 such runs, by the figures of a good rig;
+            infinite where no size that is tried would be.
+        misfit: chi-square of a reading's coordinate, the finding taken away; 1 of a rig as good as supposed.
     """
 
     finding: ServoFinding | None
     explained: float
     sizes_rad: Floats
     untested: int
+    size_std_rad: float = float("nan")
+    named_from_rad: float = float("inf")
+    misfit: float = float("nan")
 
     def __str__(self) -> str:
         left = f"; {self.untested} stances were not measured" if self.untested else ""
@@ -121,11 +128,17 @@ class ZeroTest:
         sizes = _TRIED_RAD[best]
         k = int(np.argmin(least))
         explained = float(seen @ seen - least[k])
-        finding = None
+        finding, std = None, float("nan")
         if explained > GAIN:
             others = (n for n in np.argsort(least) if n != k and least[n] < least[k] + _CLEAR)
             finding = ServoFinding(_servo(k), "offset", tuple(_servo(int(n)) for n in others), float(sizes[k]))
-        return ZeroVerdict(finding, explained, sizes.reshape(-1, LEGS), int(np.sum(~known)))
+            own = traces.reshape(len(seen), len(self._traces), -1)[:, k]
+            std = 1.0 / float(np.linalg.norm(np.gradient(own, _TRIED_RAD, axis=1)[:, best[k]]))
+        left = float((least[k] if finding else seen @ seen) / len(seen))
+        strength = np.linalg.norm(traces, axis=0).reshape(len(self._traces), -1)
+        return ZeroVerdict(
+            finding, explained, sizes.reshape(-1, LEGS), int(np.sum(~known)), std, _named_from(strength), left
+        )
 
     def _turns(self, rotations_seen: Floats) -> Floats:
         """Of what was seen from what the drawing says, (stances, 3) rad; NaN where not measured."""
@@ -171,6 +184,18 @@ class ZeroTest:
 
 
 _WORN = 0.02
+_SURELY = 1.645
+"""Standard deviations that 95 of 100 lie below."""
+
+
+def _named_from(strength: Floats) -> float:
+    """The least size that is named for every servo, up and down; `strength` (servos, tried sizes) in standard ones."""
+    shown = strength >= GAIN**0.5 + _SURELY
+    worst = 0.0
+    for side in (_TRIED_RAD > 0.0, _TRIED_RAD < 0.0):
+        sizes = np.where(shown[:, side], np.abs(_TRIED_RAD[side]), np.inf)
+        worst = max(worst, float(np.max(np.min(sizes, axis=1))))
+    return worst
 
 
 def _stack_rotation(points: Floats) -> Floats:
