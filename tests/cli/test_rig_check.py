@@ -171,7 +171,7 @@ def test_an_instrument_that_hangs_is_no_servos_fault(bench, tmp_path):
     result = run(*options, "--json", path)
     assert result.exit_code == UNKNOWN_STATUS
     assert "Verdict: cannot tell" in result.output
-    assert "the board repeats its attitude" in result.output
+    assert "servo test 1 of 97 is missing: the board repeats its attitude" in result.output
     assert "Ended early: 3 readings in a row are missing" in result.output
     assert "The rig holds where it is" in result.output
     assert process.where().mode == RigMode.READY

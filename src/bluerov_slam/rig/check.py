@@ -44,6 +44,7 @@ and 0.28 degrees)."""
 _BESIDE = 3
 """Stances before a move, and as many after it, that its answer is taken against."""
 _SAME_RAD = 5e-7
+_SAID_EACH = 10
 
 
 class Ended(Exception):
@@ -109,7 +110,7 @@ class RigCheck:
 
     def run(self, bench: Bench, progress: Callable[[str], None] = lambda _: None) -> CheckReadings:
         """All readings. After a servo that does not move as told the rig is not sent all over its workspace."""
-        round_ = _Round(bench)
+        round_ = _Round(bench, progress)
         home = round_.first(np.zeros(self.zero_places.shape[1:]))
         none = np.full((len(self.zero_places), 3), np.nan)
         progress("One servo at a time")
@@ -182,8 +183,9 @@ class RigCheck:
 class _Round:
     """Goes through places and keeps what is missing."""
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench, self._row, self._last = bench, 0, np.full(3, np.nan)
+    def __init__(self, bench: Bench, progress: Callable[[str], None]) -> None:
+        self._bench, self._progress = bench, progress
+        self._row, self._last = 0, np.full(3, np.nan)
         self.missing: list[str] = []
         self.ended = ""
 
@@ -211,11 +213,14 @@ class _Round:
                 found[k], self._last, self._row = attitude, attitude, 0
             except (Missing, Ended) as lost:
                 self._row += 1
+                self._progress(f"  {name} {k + 1} of {len(places)} is missing: {lost}")
                 self.missing.append(f"{name} {k + 1}: {lost}")
                 if isinstance(lost, Ended):
                     self.ended = str(lost)
                 elif self._row >= MOST_MISSING:
                     self.ended = f"{MOST_MISSING} readings in a row are missing, the last because {lost}"
+            if (k + 1) % _SAID_EACH == 0:
+                self._progress(f"  {name}: {k + 1} of {len(places)}")
         return found
 
 
