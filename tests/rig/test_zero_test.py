@@ -88,3 +88,27 @@ def test_readings_that_are_missing_are_told_and_the_rest_is_used() -> None:
     assert nothing.finding is None
     assert nothing.untested == STANCES
     assert np.isnan(nothing.sizes_rad).all()
+
+
+def test_what_a_run_would_have_named_is_stated_and_grows_with_what_is_missing():
+    random = np.random.default_rng(23)
+    rig = build(random)
+    before, now = seen(rig, random), seen(rig, random)
+    whole, again = TEST.judge(now), TEST.against(before).judge(now)
+    now[::2] = np.nan
+    half = TEST.judge(now)
+    assert np.radians(7.0) < whole.named_from_rad < np.radians(12.0)  # R13 misses 39 % at 7 degrees, 3 % at 10
+    assert np.radians(4.0) < again.named_from_rad < np.radians(7.0)
+    assert half.named_from_rad > whole.named_from_rad
+    assert np.isnan(whole.size_std_rad)
+
+
+def test_the_size_of_a_wrong_zero_is_as_uncertain_as_stated():
+    off = []
+    for seed in range(24, 40):
+        random = np.random.default_rng(seed)
+        servo = (seed % 4, seed % LEGS)
+        verdict = TEST.judge(seen(build(random), random, servo, 14.0))
+        assert verdict.finding is not None
+        off.append((verdict.finding.size - np.radians(14.0)) / verdict.size_std_rad)
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.4
