@@ -1,27 +1,21 @@
 """`bluerov-slam rig check`: faults built into simulated rigs are named, good rigs not accused, a real one is held."""
 
 import json
-import os
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from bluerov_slam.cli.rig_check import FAULT_STATUS, UNKNOWN_STATUS, command
 from bluerov_slam.errors import ConfigError, LinkError, RecordingError
 from bluerov_slam.protocol.rig_link import RigMode
 from bluerov_slam.services import rig as service
-from receiver_thread import ReceiverThread
-from rig_process import RigProcess
+from rig_bench import rig_and_receiver, run_command
 
 SEED = ("--seed", 3)
 
 
 def run(*arguments):
-    result = CliRunner().invoke(command, [str(each) for each in arguments])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+    return run_command(command, arguments)
 
 
 @pytest.fixture(scope="module")
@@ -154,14 +148,9 @@ def test_without_the_switch_a_port_is_not_even_opened(tmp_path):
 @pytest.fixture
 def bench(monkeypatch):
     """A rig that may move, its receiver, and the options that name them."""
-    monkeypatch.setattr(service, "REPLY_WAIT_S", 1.0)
-    receiver = ReceiverThread()
-    receiver.start()
-    with RigProcess() as process:
-        process.start()
-        ports = ("--port", os.ttyname(process._fd), "--receiver-port", receiver.path)
+    with rig_and_receiver(monkeypatch) as (process, receiver, port):
+        ports = ("--port", port, "--receiver-port", receiver.path)
         yield process, receiver, (*ports, "--move-for-real", "--speed", 1)
-    receiver.end()
 
 
 def test_an_instrument_that_hangs_is_no_servos_fault(bench, tmp_path):

@@ -1,7 +1,6 @@
 """`bluerov-slam rig collect`: files of a simulated collection and of one on a rig behind a pty, and what is refused."""
 
 import json
-import os
 from collections import Counter
 
 import numpy as np
@@ -12,22 +11,17 @@ from bluerov_slam.cli.main import cli
 from bluerov_slam.cli.rig_collect import command
 from bluerov_slam.errors import ConfigError, LinkError, RecordingError
 from bluerov_slam.protocol.rig_link import RigMode
-from bluerov_slam.services import rig as service
 from bluerov_slam.sources.acoustic_records import read_acoustic_records
 from bluerov_slam.sources.isbl_thesis_log import LineKind, parse_thesis_log
 from bluerov_slam.sources.recording_reader import open_recording
 from full_disk import largest_file
-from receiver_thread import ReceiverThread
-from rig_process import RigProcess
+from rig_bench import rig_and_receiver, run_command
 
 NAME = "test_x1426_y0_z-694_s"
 
 
 def run(*arguments):
-    result = CliRunner().invoke(command, [str(each) for each in arguments])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+    return run_command(command, arguments)
 
 
 @pytest.fixture(scope="module")
@@ -91,14 +85,9 @@ def test_the_recording_is_solved_as_any_arrays(folder):
 @pytest.fixture
 def bench(monkeypatch):
     """A rig that may move, its receiver, and the options that name them."""
-    monkeypatch.setattr(service, "REPLY_WAIT_S", 1.0)
-    receiver = ReceiverThread()
-    receiver.start()
-    with RigProcess() as process:
-        process.start()
-        ports = ("--port", os.ttyname(process._fd), "--receiver-port", receiver.path)
+    with rig_and_receiver(monkeypatch) as (process, receiver, port):
+        ports = ("--port", port, "--receiver-port", receiver.path)
         yield process, receiver, (*ports, "--move-for-real", "--tests", "1", "--motion", "stationary")
-    receiver.end()
 
 
 def test_a_rig_that_leans_at_home_is_collected_from(bench, tmp_path):

@@ -5,21 +5,18 @@ import threading
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from bluerov_slam.cli.rig_demo import command
 from bluerov_slam.errors import CommandError, ConfigError, LinkError
 from bluerov_slam.rig.demo import track_transmitter
+from rig_bench import run_command
 from rig_process import RigProcess
 
 TRACKING = ("tracking", "--transmitter", "2203,762,-726")
 
 
 def run(*arguments):
-    result = CliRunner().invoke(command, [str(each) for each in arguments])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+    return run_command(command, arguments)
 
 
 def test_without_the_switch_a_port_is_not_even_opened(tmp_path):

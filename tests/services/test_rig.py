@@ -1,8 +1,6 @@
 """A collection on the rig's own firmware, run natively behind a real pty, and a receiver behind another."""
 
-import os
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,26 +10,20 @@ from bluerov_slam.protocol.rig_link import RigMode
 from bluerov_slam.rig.collection import Collection, CollectionPlan, Keep, Motion, Move, Pressed, Session
 from bluerov_slam.services import rig as service
 from bluerov_slam.services.rig import Line, RealRig, ReceiverLink, RigLink, what_moves
-from receiver_thread import PLACE, ReceiverThread
-from rig_process import RigProcess
+from receiver_thread import PLACE
+from rig_bench import rig_and_receiver
 
 
 @pytest.fixture
 def bench(monkeypatch):
     """A rig that may move, its receiver, and the driver of both."""
-    monkeypatch.setattr(service, "REPLY_WAIT_S", 1.0)
-    receiver = ReceiverThread()
-    receiver.start()
-    with RigProcess() as process:
-        process.start()
+    with rig_and_receiver(monkeypatch) as (process, receiver, port):
         # The driver goes on where this side of the process's own pty left off.
-        port = Path(os.ttyname(process._fd))
         lines = [Line(port, service.RIG_BAUD), Line(receiver.path, service.RECEIVER_BAUD)]
         said = []
         yield process, receiver, RealRig(RigLink(lines[0]), ReceiverLink(lines[1]), said.append), said
         for line in lines:
             line.close()
-    receiver.end()
 
 
 def collection(**changes):

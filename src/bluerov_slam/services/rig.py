@@ -60,6 +60,8 @@ from bluerov_slam.sources.serial_port import open_port
 _log = logging.getLogger(__name__)
 
 RIG_BAUD, RECEIVER_BAUD = 115200, 9600
+SAME_SET_POINT = 2e-6
+"""mm or rad: the link counts in nanometres and nanoradians, the firmware in single precision."""
 PLATFORMS = 4
 QUIET_S = 0.1
 """A reply has no end: it is whole when nothing more comes for so long, a hundred characters at 9600 baud."""

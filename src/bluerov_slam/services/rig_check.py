@@ -27,6 +27,7 @@ from bluerov_slam.services.rig import (
     PLATFORMS,
     RECEIVER_BAUD,
     RIG_BAUD,
+    SAME_SET_POINT,
     Line,
     ReceiverLink,
     RigLink,
@@ -36,8 +37,6 @@ from bluerov_slam.services.rig import (
 )
 from bluerov_slam.services.rig_way import BUTTON
 
-THERE = 2e-6
-"""mm or rad: the link counts in nanometres and nanoradians, the firmware in single precision."""
 _MM_PER_M = 1e3
 
 Floats = NDArray[np.float64]
@@ -109,7 +108,7 @@ class RealBench:
         state = self._rig.where()
         if state.mode in (RigMode.WAITING, RigMode.HOMING):
             raise Ended(BUTTON)
-        if not np.abs(state.set_points - set_points).max() <= THERE:  # NaN is nowhere
+        if not np.abs(state.set_points - set_points).max() <= SAME_SET_POINT:  # NaN is nowhere
             raise Ended("the rig is not where it was sent: were its servo boards without supply?")
 
 

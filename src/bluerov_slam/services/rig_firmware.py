@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 from bluerov_slam.errors import LinkError
 from bluerov_slam.protocol.rig_link import POLL_S, RigAck, RigMode, RigResult, StopCause
 from bluerov_slam.services.parent_death import end_with_parent
-from bluerov_slam.services.rig import RIG_BAUD, Line, RigLink, refusal
+from bluerov_slam.services.rig import RIG_BAUD, SAME_SET_POINT, Line, RigLink, refusal
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 BUILD = FIRMWARE / "build"
 PROGRAM, REPORT = "brov-rig", "report.json"
 SOURCES = ("lib", "native", "xtensa")
 PATIENCE_S = 10.0
-SAME_SET_POINT = 2e-6
-"""mm or rad: the link counts in nanometres and nanoradians, the firmware in single precision."""
 _NO_ANGLES = (RigResult.LIMIT, RigResult.UNREACHABLE, RigResult.SERVO_RANGE)
 
 Floats = NDArray[np.float64]
