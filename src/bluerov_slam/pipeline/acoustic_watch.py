@@ -249,7 +249,9 @@ def _direction_only(reason: str) -> AcousticWords:
     elif not cure and "attitude" in what:
         cure = "wait until navigation knows the attitude; the Navigation tab says what it waits for"
     elif not cure and "elevation" in what:
-        cure = "it can be told with more depth between transmitter and vehicle, or by five receivers a few metres from it"
+        cure = (
+            "it can be told with more depth between transmitter and vehicle, or by five receivers a few metres from it"
+        )
     return AcousticWords(
         AcousticState.WARN,
         f"Direction only: {what}",
