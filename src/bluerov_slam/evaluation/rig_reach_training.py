@@ -1,8 +1,9 @@
 """Fit the guess of `rig/reach_guess` to solved poses of FO_SHIP (scripts/fit_reach_guess.py).
 
 Twice: first to poses anywhere on rays from home, solved from an equal share of the turn; then, with that fit, to poses
-near the edge, solved from both starts, the better kept. Every pose teaches its mirror image too. Ten minutes of one
-processor. The seed is fixed: another run differs by rounding only.
+near the edge, solved from both starts, the better kept. Every pose teaches its mirror image too. Some ten minutes of
+one processor, by estimate. The stored fit was made in parts, poses first, with an earlier form of `ReachModel.evaluate`
+that agreed to rounding: a whole run from the fixed seed gives one like it, not the same bits.
 """
 
 from __future__ import annotations
